@@ -1,7 +1,7 @@
 //! Which commit the binary is built from, for `--version` and the head of every log.
 //!
 //! Sets `HYDROLINE_BUILD_COMMIT` (12 hexadecimal digits, or `unknown`) and `HYDROLINE_BUILD_DIRTY` (`true`, `false`,
-//! `unknown`) for this package alone: the rooms are told by injection, and a commit makes none of them anew.
+//! `unknown`) for this package alone: the rooms get it by injection, and a commit makes none of them anew.
 //!
 //! **Dirty** = something that the binary is made of (the crates' sources, the manifests) differs from the commit, a
 //! new file included. Exactly these paths are watched, so a flag that was right when it was set is set anew before it

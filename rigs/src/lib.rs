@@ -18,7 +18,7 @@
 //! # Ok::<(), hydroline_rigs::RigError>(())
 //! ```
 //!
-//! Frames (see `geometry.md`): tank frame NED-like, Z down, floor at Z = 0; body
+//! Frames (see `theory/geometry.md`): tank frame NED-like, Z down, floor at Z = 0; body
 //! frame x forward, y starboard, z down, origin at the CG; laser plane (xi to port,
 //! eta up). Everything here is SI; angles in radians.
 

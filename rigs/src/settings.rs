@@ -54,7 +54,7 @@ impl Tolerance {
     }
 }
 
-/// Logging limits (`[log]`), with the defaults of `capture-and-log.md`.
+/// Logging limits (`[log]`), with their defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LogSettings {
     /// Bytes the queue between capture and writer may hold (256 MiB).

@@ -1,7 +1,7 @@
 //! The mechanism of `[[physics]]`: effects that a model may leave out.
 //!
 //! **One effect is one file** under `effect/`: its [`EffectInfo`] (id, law in words,
-//! parameters with unit, range and default, stage, order, kin, source) and its law in
+//! parameters with unit, range and default, stage, order, confusable, source) and its law in
 //! code, a type generic over [`Real`](crate::Real) that implements [`Law`]. The registry
 //! (`effect/registry.rs`) holds one line per effect; nothing else names an effect.
 //!
@@ -14,7 +14,6 @@
 
 mod added_mass_coupling;
 mod advance_loss;
-pub mod along;
 mod ambient_gradient;
 mod astern_drag;
 mod attenuation;
@@ -30,6 +29,7 @@ mod clock_drift;
 mod command_latency;
 mod constant_force;
 mod coulomb_friction;
+pub mod covariate_table;
 mod cross_flow_coupling;
 mod cubic_damping;
 mod current;

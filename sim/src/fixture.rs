@@ -24,7 +24,7 @@ pub fn lshpi_rig() -> Rig {
     try_lshpi_rig().expect("the built-in rig parses")
 }
 
-/// The hexagon target of geometry.md.
+/// The hexagon target of theory/geometry.md.
 ///
 /// # Panics
 /// As [`lshpi_rig`].

@@ -7,7 +7,6 @@
 //! All geometry is done in the affine coordinates (x, y, height above the floor) of the
 //! target frame: lines stay lines, slabs are upright prisms, and a sloping floor is h = 0.
 
-mod bent;
 mod board;
 mod exposure;
 mod frame_poses;
@@ -15,6 +14,7 @@ mod lens;
 mod noise;
 mod psf;
 mod rays;
+mod refracted;
 mod renderer;
 mod sheet;
 mod solid;

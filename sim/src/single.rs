@@ -513,7 +513,7 @@ mod tests {
         }
     }
 
-    /// Every effect of the vocabulary moves one DOF as it does in the whole model.
+    /// Every effect of the library moves one DOF as it does in the whole model.
     #[test]
     fn each_effect_acts_as_in_the_whole_model() {
         let mut vehicle = lshpi_rig().vehicle;

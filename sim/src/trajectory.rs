@@ -1,7 +1,7 @@
 //! Integration along time: RK4 on a fixed grid, every step split at every edge.
 //!
 //! A step that spans a command edge is only first order, and its derivative with respect
-//! to a delay is zero, so that a fit never moves (physics.md). Here an edge is a node of
+//! to a delay is zero, so that a fit never moves (theory/physics.md, integration). Here an edge is a node of
 //! its own; with a dual `T` the edge's time carries its derivative through the step's length.
 //!
 //! Nodes (grid points and edges) depend on the commands alone. A query takes a partial step

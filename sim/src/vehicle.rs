@@ -1,6 +1,6 @@
 //! The vehicle: state, coefficients, equations of motion.
 //!
-//! Conventions (geometry.md): tank frame Z down, floor at Z = 0; body frame at the CG,
+//! Conventions (theory/geometry.md, frames): tank frame Z down, floor at Z = 0; body frame at the CG,
 //! x forward, y starboard, z down; Euler angles ZYX; W = B.
 
 pub mod equations;

@@ -32,7 +32,7 @@ struct RawImage {
 
 const WIDTH: usize = 720;
 const HEIGHT: usize = 576;
-/// Their background (cases/README.md names noise and blur).
+/// Background of the cases (their frames have it; noise and blur are the rig's).
 const AMBIENT: f64 = 12.0;
 /// Prior of a frame's pose about the plain 8 N run: wide, it only holds the direction that a frame hardly shows.
 const PRIOR: [f64; 6] = [0.02, 0.02, 0.02, 0.02, 0.01, 0.03];

@@ -129,7 +129,7 @@ fn bare(mut rig: Rig) -> Rig {
     rig
 }
 
-/// The rig of the cases: noise 1.5, blur 0.7 px (cases/README.md); their background is 12.
+/// The rig as the cases were rendered: noise 1.5, blur 0.7 px, background 12.
 fn case_rig() -> Rig {
     let mut rig = lshpi_rig();
     rig.camera.noise = ImageNoise {

@@ -5,11 +5,11 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::disturbance::Disturbance;
 use super::error::ProveError;
+use super::experiment::{Recorded, Tank};
+use super::external_law::{COMPOSED, ExternalLaw, NEAR, UNNAMED};
 use super::instrument::{Flaw, flawed};
 use super::modulated::{MODULATED, Modulated, Ranges};
-use super::strange::{COMPOSED, NEAR, Strange, UNNAMED};
-use super::tank::{Recorded, Tank};
-use super::{faulty, paper, plans, sizes};
+use super::{faulty, magnitudes, paper, plans};
 use hydroline_diagnose::Source;
 use hydroline_identify::parameter::Coefficient;
 
@@ -147,13 +147,13 @@ pub struct Sealed {
 /// An effect that is there.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Truth {
-    /// Id; for a law near the vocabulary's its mechanism, for an unnamed one `unnamed`.
+    /// Id; for a law near the library's its mechanism, for an unnamed one `unnamed`.
     pub effect: String,
     /// Weight over the runs fitted \[m\].
     pub weight_m: f64,
     /// Of practical size (not background).
     pub main: bool,
-    /// By the vocabulary's law.
+    /// By the library's law.
     pub exact: bool,
     /// Its numbers.
     pub parameters: Vec<(String, f64)>,
@@ -213,7 +213,7 @@ const MAIN_LEAST: f64 = 1.15;
 const MAIN_MOST_M: f64 = 0.08;
 /// Of the tolerance: greatest weight of anything in the background.
 const BACKGROUND_MOST: f64 = 0.75;
-/// One delay cannot be told from the other by motion: a case holds one of them at most.
+/// One delay cannot be distinguished from the other by motion: a case holds one of them at most.
 pub const DELAYS: [&str; 2] = ["camera_latency", "command_latency"];
 
 /// Number of a case for the generator (splitmix of seed, kind and index).
@@ -259,24 +259,24 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             rig: rig.clone(),
             vehicle,
             entries: wanted.entries.clone(),
-            strange: None,
+            external_law: None,
             disturbance: Disturbance::draw(clean, &mut rng),
             seed: rng.random(),
         };
         let mut runs = record(&tank, &plans, &length_s)?;
-        tank.strange = match wanted.strange {
+        tank.external_law = match wanted.external_law {
             Wanted::No => None,
-            Wanted::Near(mechanism, share) => Strange::near(mechanism, share, top_n, &mut rng),
+            Wanted::Near(mechanism, share) => ExternalLaw::near(mechanism, share, top_n, &mut rng),
             Wanted::Modulated(mechanism, share) => {
                 let ranges = Ranges {
                     reach_m: tank.reach_m(&runs)?,
                     top_n,
                     run_s: plans::RUN_S,
                 };
-                Modulated::draw(mechanism, share, &ranges, &mut rng).map(Strange::Modulated)
+                Modulated::draw(mechanism, share, &ranges, &mut rng).map(ExternalLaw::Modulated)
             }
             Wanted::Unnamed(kind, share) => {
-                Strange::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
+                ExternalLaw::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
             }
         };
         let weights = tank.weights(&runs)?;
@@ -295,7 +295,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             last = format!("{} of {:.2} mm", t.effect, t.weight_m * 1e3);
             continue;
         }
-        if tank.strange.is_some() {
+        if tank.external_law.is_some() {
             runs = record(&tank, &plans, &length_s)?;
         }
         let held: Vec<Recorded> = held_plans
@@ -378,17 +378,17 @@ struct Drawn {
     entries: Vec<PhysicsEntry>,
     /// How many of the entries are of practical size (they come first).
     mains: usize,
-    strange: Wanted,
+    external_law: Wanted,
 }
 
 fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Drawn {
-    // Every third case of one to three effects has a law that is not quite the vocabulary's.
+    // Every third case of one to three effects has a law that is not quite the library's.
     let near = index % 3 == 2;
     let nth = index / 3 * 2 + index % 3;
-    let first = sizes::EFFECTS[nth % sizes::EFFECTS.len()];
+    let first = magnitudes::EFFECTS[nth % magnitudes::EFFECTS.len()];
     let share = 0.3 + 0.7 * rng.random::<f64>();
     let mechanism = NEAR[index / 3 % NEAR.len()];
-    let (mains, strange, background): (Vec<&str>, Wanted, bool) = match category {
+    let (mains, external_law, background): (Vec<&str>, Wanted, bool) = match category {
         Category::Nothing => (Vec::new(), Wanted::No, index % 2 == 1),
         Category::Single | Category::Pair | Category::Triple => {
             let count = match category {
@@ -401,13 +401,13 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
                 let other = others(&mains, rng);
                 mains.push(other);
             }
-            let strange = if near {
+            let external_law = if near {
                 mains.remove(0);
                 Wanted::Near(mechanism, share)
             } else {
                 Wanted::No
             };
-            (mains, strange, index % 4 != 3)
+            (mains, external_law, index % 4 != 3)
         }
         Category::Unnamed | Category::Composed => {
             let kind = match category {
@@ -452,14 +452,14 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
         }
     };
     let mut taken = mains.clone();
-    if let Wanted::Near(m, _) | Wanted::Modulated(m, _) = strange {
+    if let Wanted::Near(m, _) | Wanted::Modulated(m, _) = external_law {
         taken.push(m);
     }
     let mut entries: Vec<PhysicsEntry> = mains
         .iter()
         .map(|id| {
             let share = 0.3 + 0.7 * rng.random::<f64>();
-            let mut made = sizes::entry(id, share, top_n, rng);
+            let mut made = magnitudes::entry(id, share, top_n, rng);
             if category == Category::Paper {
                 paper::against(&mut made);
             }
@@ -469,26 +469,26 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
     if background {
         for _ in 0..4 {
             let mut id = others(&taken, rng);
-            // The strange laws' force is divided by the vehicle's own mass.
-            while !matches!(strange, Wanted::No) && id == "wall_added_mass" {
+            // The external laws' force is divided by the vehicle's own mass.
+            while !matches!(external_law, Wanted::No) && id == "wall_added_mass" {
                 id = others(&taken, rng);
             }
             taken.push(id);
             let share = 0.03 + 0.05 * rng.random::<f64>();
-            entries.push(sizes::entry(id, share, top_n, rng));
+            entries.push(magnitudes::entry(id, share, top_n, rng));
         }
     }
     Drawn {
         entries,
         mains: mains.len(),
-        strange,
+        external_law,
     }
 }
 
 /// An effect that is not taken, nor is its twin.
 fn others(taken: &[&str], rng: &mut StdRng) -> &'static str {
     loop {
-        let id = sizes::EFFECTS[rng.random_range(0..sizes::EFFECTS.len())];
+        let id = magnitudes::EFFECTS[rng.random_range(0..magnitudes::EFFECTS.len())];
         let twin = DELAYS.contains(&id) && taken.iter().any(|t| DELAYS.contains(t));
         if !taken.contains(&id) && !twin {
             return id;
@@ -507,12 +507,12 @@ fn truths(tank: &Tank, wanted: &Drawn, weights: &[f64]) -> Vec<Truth> {
             weight_m: *w,
             main: i < wanted.mains,
             exact: true,
-            parameters: sizes::numbers(e),
+            parameters: magnitudes::numbers(e),
         })
         .collect();
-    if let (Some(_), Some(weight)) = (&tank.strange, weights.get(tank.entries.len())) {
+    if let (Some(_), Some(weight)) = (&tank.external_law, weights.get(tank.entries.len())) {
         truth.push(Truth {
-            effect: match wanted.strange {
+            effect: match wanted.external_law {
                 Wanted::Near(m, _) | Wanted::Modulated(m, _) => m.to_owned(),
                 _ => UNNAMED_ID.to_owned(),
             },
@@ -545,7 +545,7 @@ mod tests {
         assert_eq!(mains.len(), 1);
         assert!(
             !mains[0].exact,
-            "every third law is not quite the vocabulary's"
+            "every third law is not quite the library's"
         );
         assert!(mains[0].weight_m > 0.0025);
         assert_eq!(a.key.truth.len(), 5);

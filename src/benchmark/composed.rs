@@ -1,10 +1,10 @@
-//! Forces without a name, drawn by composition: shapes of a place or of the speed, sums of them, products with the speed.
+//! Unnamed forces, drawn by composition: shapes of a place or of the speed, sums of them, products with the speed.
 //!
 //! Some are what a diagnosis may write down in closed form, some are not: it must not know which, nor how they are drawn.
 
 use rand::{RngExt, rngs::StdRng};
 
-use super::strange::Here;
+use super::external_law::Here;
 
 /// A shape of s; s = x, or |u| with the sign of u against the motion.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
@@ -53,7 +53,7 @@ pub enum Shape {
         width: f64,
     },
     /// Two waves of lengths that do not meet, their phases with them: no short expression.
-    Rough {
+    Irregular {
         /// Length of the first.
         length: f64,
         /// Phase \[rad\].
@@ -101,7 +101,7 @@ impl Composed {
                     phase_rad: between(-3.1, 3.1),
                 },
                 4 => Shape::Lorentz { centre, width },
-                5 if !of_speed => Shape::Rough {
+                5 if !of_speed => Shape::Irregular {
                     length: between(0.3, 0.5),
                     phase_rad: between(-3.1, 3.1),
                 },
@@ -150,7 +150,7 @@ impl Composed {
             Shape::Bump { centre, width } => (-0.5 * ((s - centre) / width).powi(2)).exp(),
             Shape::Step { centre, width } => 0.5 * (1.0 + ((s - centre) / width).tanh()),
             Shape::Lorentz { centre, width } => 1.0 / (1.0 + ((s - centre) / width).powi(2)),
-            Shape::Rough { length, phase_rad } => {
+            Shape::Irregular { length, phase_rad } => {
                 let turn = std::f64::consts::TAU * s / length;
                 0.6 * (turn + phase_rad).sin()
                     + 0.4 * (1.618 * turn - 2.0 * phase_rad).sin()

@@ -14,8 +14,8 @@ use std::fmt::Write as _;
 use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Effect, Verdict, Word};
 
+use super::cache::Kept;
 use super::error::ProveError;
-use super::keep::Kept;
 use super::score::Rate;
 
 /// Normal quantile of a 95 % interval.
@@ -50,7 +50,7 @@ pub struct CoupledJudged {
     pub seconds: f64,
 }
 
-/// Makes, diagnoses and scores cases one after the other, each on all cores; `done` is told of each. With `kept`, a case
+/// Makes, diagnoses and scores cases one after the other, each on all cores; `done` is called with each. With `kept`, a case
 /// that lies there is not run again, and each that was run is laid there.
 ///
 /// # Errors

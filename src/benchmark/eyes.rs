@@ -51,7 +51,7 @@ fn of_cases() {
             category.name(),
             v.sets_looked_at,
             truth.join(", "),
-            made.key.tank.strange,
+            made.key.tank.external_law,
             v.verdict,
             v.sentence
         );

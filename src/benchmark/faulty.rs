@@ -4,7 +4,7 @@ use hydroline_rigs::Rig;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::error::ProveError;
-use super::tank::{Recorded, at_ns, source};
+use super::experiment::{Recorded, at_ns, source};
 use hydroline_diagnose::Source;
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_log::messages::{pb, timestamp, unix_ns};

@@ -1,7 +1,7 @@
 //! Image-level cases: rendered runs with one or two effects of camera, sheet, target, water or light, or none.
 //!
 //! A case is two logs of frames (reversals and two tones) of a vehicle up to 20 % off the rig file,
-//! over a background of four motion effects at 3–8 % of their practical size and a wobble in roll,
+//! over a background of four motion effects at 3–8 % of their practical size and a disturbance in roll,
 //! pitch and yaw; laser, lens and sheet are as a rig file leaves open. In turn it has one effect, two and none, of random
 //! sizes: at least three standard deviations of the pose that a frame gives where an effect moves it, at least a tenth of
 //! the largest plausible one else. The frames come from the renderer; the diagnosis predicts the stripe with geometry of
@@ -44,13 +44,13 @@ pub struct ImageJudged {
     pub moves_position_sds: f64,
     /// What was named.
     pub found: Vec<String>,
-    /// Sets that the frames cannot tell apart.
+    /// Sets that the frames cannot distinguish.
     pub sets: Vec<Vec<String>>,
     /// The verdict's word.
     pub word: Word,
     /// Log odds over nothing.
     pub log_odds: f64,
-    /// The truth named, nothing else, and nothing that is not told from it.
+    /// The truth named, nothing else, and nothing that is not distinguished from it.
     pub right: bool,
     /// The truth named alone, in one of the tied sets, or as the `or` of the one effect named.
     pub right_or_tied: bool,
@@ -60,7 +60,7 @@ pub struct ImageJudged {
     pub seconds: f64,
 }
 
-/// Makes, diagnoses and scores cases; `done` is told of each.
+/// Makes, diagnoses and scores cases; `done` is called with each.
 ///
 /// # Errors
 /// [`ProveError`].
@@ -114,9 +114,9 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
     let word = found.as_ref().map_or(Word::Unknown, |f| f.word);
     let mut wanted: Vec<String> = case.truth.iter().map(|e| e.effect.clone()).collect();
     wanted.sort();
-    let told = found.is_some() && word != Word::Unknown;
+    let decided = found.is_some() && word != Word::Unknown;
     let alone = |f: &Findings| f.effects.iter().all(|e| e.or.is_empty());
-    let right = told && named == wanted && sets.len() < 2 && found.as_ref().is_some_and(alone);
+    let right = decided && named == wanted && sets.len() < 2 && found.as_ref().is_some_and(alone);
     // Each effect there named, or beside the one that these frames do not tell from it.
     let or = found.as_ref().is_some_and(|f| {
         let is = |e: &Effect, w: &String| e.effect == *w || e.or.contains(w);
@@ -131,13 +131,13 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
     let judged = ImageJudged {
         index: case.index,
         numbers: (case.truth.iter())
-            .flat_map(super::sizes::numbers)
+            .flat_map(super::magnitudes::numbers)
             .collect(),
         shown,
         pose_ratio,
         moves_sds: case.moved.any_sds,
         moves_position_sds: case.moved.position_sds,
-        right_or_tied: right || told && (or || sets.iter().any(same)),
+        right_or_tied: right || decided && (or || sets.iter().any(same)),
         truth: wanted,
         found: named,
         sets,
@@ -154,7 +154,7 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
 fn errors(case: &ImageCase, found: &Findings) -> Vec<(String, f64)> {
     let of = |truth: &PhysicsEntry| {
         let effect = found.effects.iter().find(|e| e.effect == truth.effect);
-        let numbers = super::sizes::numbers(truth).into_iter();
+        let numbers = super::magnitudes::numbers(truth).into_iter();
         let error = |(name, value): (String, f64)| {
             let p = effect?.parameters.get(&name)?;
             Some((name, (p.value - value) / p.sd?))

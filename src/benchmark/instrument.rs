@@ -11,7 +11,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::case::Truth;
 use super::error::ProveError;
-use super::tank::{Recorded, at_ns, source};
+use super::experiment::{Recorded, at_ns, source};
 
 /// One of them.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]

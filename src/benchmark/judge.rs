@@ -1,7 +1,7 @@
 //! One case: diagnosed without the key, then compared with it.
 
 mod composed;
-mod sets;
+mod inseparable;
 mod tally;
 mod thresholds;
 mod undecided;
@@ -33,9 +33,9 @@ pub struct Found {
     pub weight_m: f64,
     /// Above the tolerance.
     pub matters: bool,
-    /// Its law is reported as not quite the vocabulary's.
+    /// Its law is reported as not quite the library's.
     pub inexact: bool,
-    /// What the diagnosis says it cannot tell it from.
+    /// What the diagnosis says it cannot distinguish it from.
     pub or: Vec<String>,
 }
 
@@ -85,9 +85,9 @@ pub struct Judged {
     pub sentence: String,
     /// Effects found.
     pub found: Vec<Found>,
-    /// Sets that it says cannot be told apart.
+    /// Sets that it says cannot be distinguished.
     pub equivalent: Vec<Vec<String>>,
-    /// Effect by effect; of cases whose laws are all the vocabulary's.
+    /// Effect by effect; of cases whose laws are all the library's.
     pub tool: Option<Tally>,
     /// The same for the ideal observer.
     pub ideal: Option<Tally>,
@@ -114,12 +114,12 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// All laws are the vocabulary's.
+    /// All laws are the library's.
     pub fn exact(&self) -> bool {
         self.truth.iter().all(|t| t.exact)
     }
 
-    /// The main effect whose law is near the vocabulary's.
+    /// The main effect whose law is near the library's.
     pub fn near(&self) -> Option<&Truth> {
         self.truth
             .iter()
@@ -250,9 +250,9 @@ fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
     ])
 }
 
-/// A law near the vocabulary's: mechanism named, law said to be inexact, nothing invented (by the observer: a name that
+/// A law near the library's: mechanism named, law said to be inexact, nothing invented (by the observer: a name that
 /// stands for another one that is there is not, up to that one's weight). The observer that
-/// sees another law takes that one; where the data do not show it, its best set of the vocabulary counts.
+/// sees another law takes that one; where the data do not show it, its best set of the library counts.
 fn near(case: &Case, judged: &mut Judged, main: &Truth, observe: bool) {
     let own = judged.found.iter().find(|f| f.effect == main.effect);
     let in_set = judged.equivalent.iter().any(|s| s.contains(&main.effect));
@@ -301,7 +301,7 @@ fn by_effect(
 ) -> Result<(), ProveError> {
     let ideal = observe.then(|| asked(case)).flatten();
     let observer = ideal.as_ref().map(|i| &i.0);
-    let sums = observer.map_or(Ok(Vec::new()), |o| sets::sums(case, o))?;
+    let sums = observer.map_or(Ok(Vec::new()), |o| inseparable::sums(case, o))?;
     let of = |found: &[(String, f64)], equivalent: &[Vec<String>], said: &[Found]| {
         let split = Undecided::new(observer, case, said);
         compare(&judged.truth, found, equivalent, &sums, &split)
@@ -365,13 +365,13 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
         .first()
         .map_or_else(String::new, |t| t.effect.clone());
     // Which of the five these very data leave open is for the ideal observer to say: a limit and
-    // friction bend the two runs in opposite directions, a strong one gives itself away.
+    // friction change the two runs in opposite directions, a strong one gives itself away.
     let ideal = Ideal::new(case);
     let rivals: Vec<&str> = paper::SET
         .into_iter()
         .filter(|id| *id != truth)
         .filter(|id| {
-            // Told apart only where the rival was fitted and lost: no fit is no evidence.
+            // Distinguished only where the rival was fitted and lost: no fit is no evidence.
             let gap = ideal.as_ref().and_then(|i| i.gap(&truth, id));
             gap.is_none_or(|g| g < SPLIT)
         })

@@ -1,9 +1,9 @@
-//! Laws of known mechanisms one number of which goes with something that the vocabulary keeps it from: place, rate, time or
+//! Laws of known mechanisms one number of which goes with something that the library keeps it from: place, rate, time or
 //! load. Which mechanism, which covariate and which shape are drawn apart from each other.
 
 use rand::{RngExt, rngs::StdRng};
 
-use super::strange::Here;
+use super::external_law::Here;
 
 /// Mechanisms that can be drawn.
 pub const MODULATED: [&str; 6] = [

@@ -9,7 +9,7 @@ use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
 
 use super::error::ProveError;
-use super::strange::{Here, Strange};
+use super::external_law::{ExternalLaw, Here};
 
 /// Longest step \[s\]: lags of 50 ms and friction of 0.5 N at 4 mm/s are far inside RK4's region.
 const STEP_MAX_S: f64 = 0.01;
@@ -19,10 +19,10 @@ const STEP_MAX_S: f64 = 0.01;
 pub struct Mover<'a> {
     /// Its coefficients.
     pub vehicle: &'a Vehicle,
-    /// Effects of the vocabulary.
+    /// Effects of the library.
     pub entries: &'a [PhysicsEntry],
     /// A law outside of it.
-    pub strange: Option<&'a Strange>,
+    pub external_law: Option<&'a ExternalLaw>,
     /// Pose at rest at t = 0.
     pub start: [f64; 6],
 }
@@ -57,7 +57,7 @@ impl Mover<'_> {
             .map(|(t, load)| ((t + delay_s).max(0.0), Some(*load)))
             .collect();
         jumps.extend(model.effects.time_edges_s().into_iter().map(|t| (t, None)));
-        if let Some(s) = self.strange {
+        if let Some(s) = self.external_law {
             jumps.extend(s.jumps_s(run).into_iter().map(|t| (t, None)));
         }
         jumps.retain(|j| j.0 >= 0.0);
@@ -129,7 +129,7 @@ impl Mover<'_> {
         let mut own = [0.0; 2];
         let mut load = load_n;
         let mut force = 0.0;
-        if let Some(law) = self.strange {
+        if let Some(law) = self.external_law {
             let here = Here {
                 t_s,
                 x_m: state.model.vehicle.eta[0],
@@ -169,7 +169,7 @@ fn stepped(state: &State, rate: &State, step: f64) -> State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sizes;
+    use crate::magnitudes;
     use hydroline_rigs::Rig;
     use hydroline_sim::model::ModelState;
     use hydroline_sim::trajectory::Trajectory;
@@ -182,12 +182,12 @@ mod tests {
         let edges = [(0.0, 8.0), (3.017, -6.0), (6.0, 0.0)];
         let stamps: Vec<f64> = (0..250).map(|k| 0.006 + 0.04 * f64::from(k)).collect();
         let mut rng = StdRng::seed_from_u64(3);
-        for id in sizes::EFFECTS {
-            let entries = [sizes::entry(id, 0.6, 8.0, &mut rng)];
+        for id in magnitudes::EFFECTS {
+            let entries = [magnitudes::entry(id, 0.6, 8.0, &mut rng)];
             let mover = Mover {
                 vehicle: &rig.vehicle,
                 entries: &entries,
-                strange: None,
+                external_law: None,
                 start: rig.tank.start_pose,
             };
             let ours = mover.positions(0, &edges, &stamps).unwrap();

@@ -1,11 +1,11 @@
 //! The ideal observer: the Bayes-optimal choice at the true noise.
 //!
-//! Same runs, same candidates, same priors and evidence as the diagnosis, but it is told the noise (its law fitted to the
+//! Same runs, same candidates, same priors and evidence as the diagnosis, but it is given the noise (its law fitted to the
 //! noise itself, and which samples are outliers) and starts from the truth: it only asks whether a model near the truth is
 //! likelier, and goes on from a better one. What it gets wrong, the data do not hold.
 //!
-//! Of a law near the vocabulary's it is asked whether it can be seen at all that the law is another one: it knows that law,
-//! and takes it where it is likelier than the best model of the vocabulary.
+//! Of a law near the library's it is asked whether it can be seen at all that the law is another one: it knows that law,
+//! and takes it where it is likelier than the best model of the library.
 
 use hydroline_identify::data::Run;
 use hydroline_inference::body::Own;
@@ -28,7 +28,7 @@ const COST: usize = 60;
 const ONE_MORE: f64 = 3.0;
 /// Standard deviations of what the noise itself gains by chance over a fit of its own law.
 const CHANCE: f64 = 2.0;
-/// Under next to no random force: there is none but where a law is not the vocabulary's.
+/// Under next to no random force: there is none but where a law is not the library's.
 const QUIET: Cell = Cell {
     size: 1,
     correlation: 1,
@@ -39,7 +39,7 @@ const FORGIVING: Cell = Cell {
     correlation: 2,
 };
 
-/// Models of the vocabulary alone: what has no name it does not ask for.
+/// Models of the library alone: what has no name it does not ask for.
 fn options() -> Options {
     Options {
         tables: 0,
@@ -97,7 +97,7 @@ fn candidate(problem: &Problem, entry: &PhysicsEntry) -> Option<(usize, Vec<f64>
     let all = &problem.body.candidates;
     let is = |c: &Candidate| c.kind == Kind::Effect && c.info.id == entry.effect && said(c);
     let place = all.iter().position(is)?;
-    let given = super::sizes::numbers(entry);
+    let given = super::magnitudes::numbers(entry);
     let numbers = all[place].parameters.iter().map(|p| {
         let own = given.iter().find(|(n, _)| n == p.name).map(|(_, v)| *v);
         own.or(p.absent).unwrap_or(p.typical)
@@ -118,8 +118,8 @@ fn bare(problem: &Problem, case: &Case) -> Fit {
 }
 
 impl Ideal {
-    /// Tells it the noise and the truth; `None` where the truth is no model of the vocabulary or its fit diverges. A law
-    /// near the vocabulary's stands as the vocabulary's, fitted.
+    /// Tells it the noise and the truth; `None` where the truth is no model of the library or its fit diverges. A law
+    /// near the library's stands as the library's, fitted.
     pub fn new(case: &Case) -> Option<Ideal> {
         let near = case.key.truth.iter().find(|t| !t.exact).map(|t| &t.effect);
         if near.is_some_and(|n| n == UNNAMED_ID) {
@@ -142,7 +142,7 @@ impl Ideal {
             };
             ways = all[place].starts.iter().map(with).collect();
         }
-        // Where a run begins is not told: a rate there that its first samples get wrong leads a fit under small forces away
+        // Where a run begins is not given: a rate there that its first samples get wrong leads a fit under small forces away
         // from the truth, and a larger one forgives it.
         let begins = || [QUIET, FORGIVING].into_iter();
         let each = ways.iter().flat_map(|w| begins().map(move |c| (w, c)));
@@ -178,8 +178,8 @@ impl Ideal {
         found
     }
 
-    /// Whether it would take the law that is near the vocabulary's for another one than that: its likelihood is that of the
-    /// noise itself, with one number more than the vocabulary's.
+    /// Whether it would take the law that is near the library's for another one than that: its likelihood is that of the
+    /// noise itself, with one number more than the library's.
     pub fn sees_another_law(&self, case: &Case) -> bool {
         let (gain, sd) = self.gain_of_the_noise(case);
         let law = self.truth.ln_evidence + gain;
@@ -207,8 +207,12 @@ impl Ideal {
             })
             .collect();
         // At its minimum a fit leaves half its numbers less than the noise, those that no prior holds.
-        let belief = problem.belief(&self.truth.terms);
-        let densities = belief.densities.iter().zip(&self.truth.point).enumerate();
+        let number_prior = problem.number_prior(&self.truth.terms);
+        let densities = number_prior
+            .densities
+            .iter()
+            .zip(&self.truth.point)
+            .enumerate();
         let by_priors: f64 = densities
             .map(|(i, (d, v))| (self.truth.covariance[(i, i)] * d.step(*v).1).min(1.0))
             .sum();
@@ -226,7 +230,7 @@ impl Ideal {
         let problem = &self.found.problem;
         let over = problem.over(&[last], &case.sealed.rig).ok()?;
         let over = over.without_outliers(best);
-        Some(over.left_of(&over.foretell(best)?.values)[SURGE])
+        Some(over.left_of(&over.predict(best)?.values)[SURGE])
     }
 
     /// Log evidence by which the truth beats the same model without some of its effects; `None` where one of them is not
@@ -310,7 +314,7 @@ mod tests {
     use super::super::case::{Category, make};
     use super::*;
 
-    /// The measure of a law that is another one, of cases whose laws are the vocabulary's: the noise itself gains no more
+    /// The measure of a law that is another one, of cases whose laws are the library's: the noise itself gains no more
     /// over the truth as it was fitted than chance gives. It gained 60 where a rate at the start had led the fit astray.
     #[test]
     fn where_the_laws_are_the_vocabularys_the_noise_itself_gains_nothing() {

@@ -1,10 +1,11 @@
-//! The paper's own protocol: two constant thrusts over 1 m, which cannot part five effects (physics.md).
+//! The paper's own protocol: two constant thrusts over 1 m, which cannot part five effects
+//! (theory/identifiability.md, confusable effects).
 
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Plan};
 
 use super::error::ProveError;
 
-/// What those runs cannot tell apart.
+/// What those runs cannot distinguish.
 pub const SET: [&str; 5] = [
     "thruster_deadband",
     "thruster_saturation",

@@ -186,10 +186,18 @@ pub fn score(all: &[Judged]) -> Score {
         ">= 95 %",
         passed("no_physics"),
     ));
-    lines.push(beside("near law: mechanism named", ">= 90 %", "mechanism"));
-    lines.push(beside("near law: said to be inexact", ">= 90 %", "inexact"));
     lines.push(beside(
-        "near law: nothing spurious over a tenth",
+        "misspecified law: mechanism named",
+        ">= 90 %",
+        "mechanism",
+    ));
+    lines.push(beside(
+        "misspecified law: said to be inexact",
+        ">= 90 %",
+        "inexact",
+    ));
+    lines.push(beside(
+        "misspecified law: nothing spurious over a tenth",
         ">= 90 %",
         "no_spurious",
     ));
@@ -204,7 +212,7 @@ pub fn score(all: &[Judged]) -> Score {
         ),
     ));
     lines.push(alone(
-        "the vocabulary's laws not said to be inexact",
+        "the library's laws not said to be inexact",
         "",
         passed("exact_kept"),
     ));

@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 /// Rig and medium, from the arguments, else from the first log.
 fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium), CliError> {
     let mut rig = args.rig.as_deref().map(inputs::rig).transpose()?;
-    let mut told = args.medium;
+    let mut medium = args.medium;
     let log = sources.iter().find_map(|s| match s {
         Source::Log(path) => Some(path),
         Source::Image(_) => None,
@@ -197,9 +197,9 @@ fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium
             let name = format!("rig in {}", path.display());
             rig = Some(Rig::from_toml(text, &name, None)?);
         }
-        told = told.or_else(|| medium::of_log(reader.metadata().get("session"), rig.as_ref()));
+        medium = medium.or_else(|| medium::of_log(reader.metadata().get("session"), rig.as_ref()));
     }
-    let medium = told.or_else(|| rig.as_ref().map(medium::of_rig));
+    let medium = medium.or_else(|| rig.as_ref().map(medium::of_rig));
     let medium = medium.unwrap_or_else(|| {
         errln!(
             "hydroline: nobody said what the light went through: air is assumed; --medium fresh or salt says otherwise"

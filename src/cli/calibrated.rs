@@ -39,7 +39,7 @@ impl UseArgs {
     }
 
     /// The calibration as this run needs it, and what must be said of that: refused for images of
-    /// another size; for another medium a map that knows its port is told the run's index, any other
+    /// another size; for another medium a map that knows its port is given the run's index, any other
     /// is refused unless forced.
     pub fn fit_to_run(
         &self,
@@ -52,7 +52,7 @@ impl UseArgs {
             calibration.check_image(image)?;
         }
         if calibration.medium != run
-            && let Some(told) = calibration.in_medium(run, index)
+            && let Some(found) = calibration.in_medium(run, index)
         {
             let words = format!(
                 "the calibration was made in {}; its port being known, it is used in {} with the index {:.4} +- {:.4}",
@@ -61,7 +61,7 @@ impl UseArgs {
                 index.value,
                 index.sd
             );
-            return Ok((told, Some(words)));
+            return Ok((found, Some(words)));
         }
         let warning = medium::check(&calibration, run, self.force_calibration)
             .map_err(|e| CliError::Config(format!("{e} (--force-calibration)")))?;

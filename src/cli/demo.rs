@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Ahead from rest, and ahead and astern in turns: constant thrust alone could not tell a lag from its kin.
+/// Ahead from rest, and ahead and astern in turns: constant thrust alone could not tell a lag from the effects it is confusable with effects.
 const PLANS: [&str; 2] = ["surge-8n", "reversals"];
 /// What the simulated vehicle has and the rig that identifies and diagnoses it has not.
 const LEFT_OUT: &str = "[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";

@@ -31,7 +31,7 @@ their runs: of the vehicle's coefficients (--for identify), or of the effects th
 coefficients unknown beside them (--for diagnose; a minute or two per plan). The vehicle may be lighter and less damped than its \
 data sheet says: plans leave room for that. Information counts in nats: one nat is a factor of e in odds or in the volume of \
 what is open. The first one says most; each further one is the best beside those \
-before it. For every plan it is said what it excites; at the end, what all runs together do not tell apart.
+before it. For every plan it is said what it excites; at the end, what all runs together do not distinguish.
 
 Examples:
   hydroline plan design --rig my.toml --out plans
@@ -162,7 +162,7 @@ fn share(of: f64) -> String {
     }
 }
 
-/// Pairs that are printed, the least told apart first.
+/// Pairs that are printed, the least discriminated first.
 const ALIKE: usize = 12;
 
 fn print(set: &Set, rig: &str, out: Option<&Path>) {
@@ -191,12 +191,12 @@ fn print(set: &Set, rig: &str, out: Option<&Path>) {
     let seen = |name: &String| !set.unseen.contains(name);
     let separations = set.separations.iter();
     let mut alike: Vec<_> = separations
-        .filter(|s| !s.told() && seen(&s.of) && seen(&s.from))
+        .filter(|s| !s.discriminated() && seen(&s.of) && seen(&s.from))
         .collect();
     alike.sort_by(|a, b| a.nats.total_cmp(&b.nats));
     match alike.is_empty() {
-        true => outln!("all others are told apart (3 nats, odds of 20, and more)"),
-        false => outln!("not told apart (less than 3 nats, odds of 20):"),
+        true => outln!("all others are discriminated (3 nats, odds of 20, and more)"),
+        false => outln!("not discriminated (less than 3 nats, odds of 20):"),
     }
     for s in alike.iter().take(ALIKE) {
         outln!("  {} and {} ({:.1} nats)", s.of, s.from, s.nats);
@@ -262,7 +262,7 @@ struct FoundSeparation<'a> {
     /// Log Bayes factor to expect, to first order; the smaller of both directions \[nats\].
     nats: f64,
     /// Whether that discriminates them.
-    told: bool,
+    discriminated: bool,
 }
 
 impl<'a> Found<'a> {
@@ -282,7 +282,7 @@ impl<'a> Found<'a> {
             of: &s.of,
             from: &s.from,
             nats: s.nats,
-            told: s.told(),
+            discriminated: s.discriminated(),
         };
         Found {
             reach: set.reach,

@@ -20,7 +20,7 @@ stripes say what of camera, sheet, target and water the rig leaves out. The verd
 unknown, data_fault. Angles of rudder and elevator and steady speeds that a log holds are inputs, and so is a DOF that moves \
 though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
 thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely. A log given alone is cut into \
-four runs, each foretold by the others.
+four runs, each predicted by the others.
 
 Examples:
   hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
@@ -311,7 +311,7 @@ pub(super) fn print(v: &Verdict) {
                 .unwrap_or(f64::NAN)
         );
     }
-    for pair in v.ladder.windows(2) {
+    for pair in v.ablation.windows(2) {
         for (channel, after) in &pair[1].held_out {
             let before = pair[0].held_out.get(channel).copied().unwrap_or(f64::NAN);
             outln!(

@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         errln!("hydroline: {remark}");
     }
     let stated = found.stated(source(&exposures));
-    told(&exposures, &found);
+    print_found(&exposures, &found);
     if args.json {
         print::json(&printed(&exposures, &found, &stated))?;
     } else {
@@ -256,7 +256,7 @@ fn source(exposures: &[Exposure]) -> String {
 }
 
 /// What was found, for a person.
-fn told(exposures: &[Exposure], found: &Flat) {
+fn print_found(exposures: &[Exposure], found: &Flat) {
     let [gamma, gamma_sd] = found.gamma;
     let [black, black_sd] = found.black_levels;
     errln!(

@@ -13,7 +13,7 @@ pub(crate) const GROUPS: &[(&str, &[&str])] = &[
     (
         "Analysis",
         &[
-            "extract", "import", "join", "identify", "diagnose", "predict",
+            "extract", "import", "join", "identify", "diagnose", "predict", "campaign",
         ],
     ),
     ("Simulation and proof", &["simulate", "reproduce", "prove"]),

@@ -117,13 +117,13 @@ pub struct Args {
     #[arg(long, default_value = "1", value_name = "N")]
     seed: u64,
     /// Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and
-    /// uses it for the logs given, which cures the thrust-scale blind spot
+    /// uses it for the logs given, which makes the thrust scale identifiable
     #[arg(long, value_name = "DATA.csv")]
     bollard: Option<PathBuf>,
     /// Writes the rig with what was found: coefficients that the runs determine, with their covariance
     /// ([identified]; predict makes its band of it), and the curve of a bollard pull with its covariance
     /// ([bollard]; later fits carry it in their intervals). What was not determined keeps the rig's value with
-    /// its doubt, and is named. A new curve ends the [identified] of the old one
+    /// its uncertainty, and is named. A new curve ends the [identified] of the old one
     #[arg(long, value_name = "NEW.toml")]
     write_rig: Option<PathBuf>,
     /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
@@ -215,7 +215,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             return Err(e);
         }
     };
-    // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is told.
+    // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is printed.
     if args.json {
         print::pretty_json(&result)?;
     } else {
@@ -227,7 +227,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             errln!("note: not written: {words}");
         }
         if let Err(e) = write_rig(args, &rig, &outdated) {
-            // Both are told; the exit code is the same.
+            // Both are printed; the exit code is the same.
             if let Err(also) = reported {
                 errln!("hydroline: {also}");
             }
@@ -400,7 +400,7 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
     Ok(runs)
 }
 
-/// What a measured thrust curve does to the result: the blind spot goes, its uncertainty comes in.
+/// What a measured thrust curve does to the result: the thrust scale is identifiable then, its uncertainty comes in.
 fn thrust_scale(
     args: &Args,
     rig: &Rig,

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Commands reach the disk within this time \[s\].
-const PROMISED_FLUSH_S: f64 = 0.05;
+const GUARANTEED_FLUSH_S: f64 = 0.05;
 
 /// Longest time that an argument may be: clocks count in nanoseconds since 1970, and ten years on have to fit.
 const LONGEST: Duration = Duration::from_secs(3_660 * 86_400);
@@ -35,6 +35,15 @@ fn too_long(text: &str) -> String {
         "'{text}' is longer than {} days",
         LONGEST.as_secs() / 86_400
     )
+}
+
+/// Reads a time as RFC 3339 in UTC, `2026-05-04T09:30:00Z`; seconds since 1970.
+pub fn time(text: &str) -> Result<u64, String> {
+    let at = humantime::parse_rfc3339_weak(text)
+        .map_err(|e| format!("{e}; write 2026-05-04T09:30:00Z (UTC)"))?;
+    at.duration_since(std::time::UNIX_EPOCH)
+        .map(|since| since.as_secs())
+        .map_err(|_| format!("'{text}' is before 1970"))
 }
 
 /// A length of time that is longer than nothing.
@@ -65,9 +74,9 @@ pub fn rig(argument: &str) -> Result<Rig, CliError> {
 /// A crash is to cost no more than the last command: that holds for commands flushed within 50 ms.
 pub fn warn_of_flush(rig: &Rig) {
     let flush_s = rig.log.command_flush_s;
-    if flush_s > PROMISED_FLUSH_S {
+    if flush_s > GUARANTEED_FLUSH_S {
         errln!(
-            "hydroline: log.command_flush_s = {flush_s}: a crash may cost the commands of the last {flush_s} s; {PROMISED_FLUSH_S} or less keeps the loss to the last one"
+            "hydroline: log.command_flush_s = {flush_s}: a crash may cost the commands of the last {flush_s} s; {GUARANTEED_FLUSH_S} or less keeps the loss to the last one"
         );
     }
 }

@@ -12,7 +12,7 @@ use hydroline_import::join::{From, Given, join};
 Stamps of commands become t + OFFSET + DRIFT (t - t0), t0 being the first command; no value is resampled. Without \
 --offset-s the offset comes from records of one clock in both logs (/clock, of one host), else it is estimated, with its sd, \
 from how the motion answers to the commands. An estimated offset holds any latency between command and load: the log says so, \
-and `diagnose` then names no latency that the offset could be. Where one is to be told from the other, give an offset \
+and `diagnose` then names no latency that the offset could be. Where one is to be distinguished from the other, give an offset \
 that was measured, with --offset-sd-s.
 
 Examples:

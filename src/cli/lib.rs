@@ -10,6 +10,7 @@ mod board;
 mod bring_back;
 mod calibrate;
 mod calibrated;
+mod campaign;
 mod check;
 mod completions;
 mod demo;
@@ -152,6 +153,8 @@ Examples:
     Simulate(simulate::Args),
     /// The paper's tables, computed and printed beside its numbers
     Reproduce(reproduce::Args),
+    /// Many logs: grouped, examined, fitted, compared
+    Campaign(campaign::Args),
     /// Sealed cases, diagnosed blind, beside an ideal observer
     Prove(prove::Args),
     /// Completions of commands and flags for a shell
@@ -228,6 +231,7 @@ impl Cli {
             Command::Predict(args) => predict::run(&args),
             Command::Simulate(args) => simulate::run(&args, build),
             Command::Reproduce(args) => reproduce::run(&args),
+            Command::Campaign(args) => campaign::run(&args, build),
             Command::Prove(args) => prove::run(&args),
             Command::Completions(args) => completions::run(&args, build),
             Command::Man(args) => man::run(&args, build),

@@ -77,7 +77,7 @@ pub(super) struct Listed {
     plan: &'static str,
     /// Its length \[s\].
     duration_s: f64,
-    /// Largest load per DOF, SNAME order; `null` where it tells single thrusters \[N, N m\].
+    /// Largest load per DOF, SNAME order; `null` where single thrusters are commanded \[N, N m\].
     largest: Option<[f64; 6]>,
     /// Whether it runs on the rig; `null` without one.
     runs: Option<bool>,

@@ -6,8 +6,8 @@ use super::output::Output;
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_identify::data::{check_vehicle, load};
-use hydroline_identify::predict::beside::{Measured, beside, plan_start_s, start_pose};
 use hydroline_identify::predict::report::pages;
+use hydroline_identify::predict::residuals::{Measured, beside, plan_start_s, start_pose};
 use hydroline_identify::predict::{Identified, Prediction, predict};
 use hydroline_report::Quantity;
 use hydroline_rigs::{Plan, Rig};
@@ -106,10 +106,10 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
         );
     }
-    if !made.without_doubt.is_empty() {
+    if !made.without_uncertainty.is_empty() {
         errln!(
             "note: the band is too narrow where {} are not as the rig says: they carry no uncertainty, and this plan moves their degrees of freedom; identify runs that excite them",
-            made.without_doubt.join(", ")
+            made.without_uncertainty.join(", ")
         );
     }
     if let Some(measured) = &measured {

@@ -45,12 +45,12 @@ const NEXT_LINE: Duration = Duration::from_secs(30);
 #[derive(Debug)]
 pub struct Stages {
     bar: ProgressBar,
-    told: Arc<Told>,
+    stage_now: Arc<Stage>,
     teller: Option<JoinHandle<()>>,
 }
 
 #[derive(Debug, Default)]
-struct Told {
+struct Stage {
     now: Mutex<Now>,
     changed: Condvar,
 }
@@ -62,7 +62,7 @@ struct Now {
     ended: bool,
 }
 
-impl Told {
+impl Stage {
     fn lock(&self) -> MutexGuard<'_, Now> {
         self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -96,10 +96,10 @@ impl Stages {
     /// Begins `what`, e.g. `diagnosing`.
     pub fn begin(what: &'static str) -> Self {
         let bar = bar(0, what);
-        let told = Arc::new(Told::default());
+        let stage_now = Arc::new(Stage::default());
         let teller = if bar.is_hidden() {
-            let (told, began) = (told.clone(), Instant::now());
-            let tell = move || told.tell(what, began);
+            let (stage_now, began) = (stage_now.clone(), Instant::now());
+            let tell = move || stage_now.tell(what, began);
             std::thread::Builder::new().spawn(tell).ok()
         } else {
             if let Ok(style) =
@@ -110,18 +110,22 @@ impl Stages {
             bar.enable_steady_tick(Duration::from_millis(200));
             None
         };
-        Self { bar, told, teller }
+        Self {
+            bar,
+            stage_now,
+            teller,
+        }
     }
 
     /// How far a stage is.
     pub fn at(&self, stage: &str) {
-        stage.clone_into(&mut self.told.lock().stage);
+        stage.clone_into(&mut self.stage_now.lock().stage);
         self.bar.set_prefix(stage.to_owned());
     }
 
     /// The next stage.
     pub fn tell(&self, stage: &str) {
-        let mut now = self.told.lock();
+        let mut now = self.stage_now.lock();
         now.stages += 1;
         stage.clone_into(&mut now.stage);
         drop(now);
@@ -132,8 +136,8 @@ impl Stages {
 
 impl Drop for Stages {
     fn drop(&mut self) {
-        self.told.lock().ended = true;
-        self.told.changed.notify_all();
+        self.stage_now.lock().ended = true;
+        self.stage_now.changed.notify_all();
         if let Some(teller) = self.teller.take() {
             let _ = teller.join();
         }

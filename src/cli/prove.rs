@@ -9,12 +9,12 @@ use hydroline_benchmark::case::Truth;
 use hydroline_benchmark::case::{FULL, parse};
 use hydroline_benchmark::coupled::CoupledJudged;
 use hydroline_benchmark::disturbance::Disturbance;
+use hydroline_benchmark::external_law::ExternalLaw;
 use hydroline_benchmark::faulty::Fault;
 use hydroline_benchmark::images::ImageJudged;
 use hydroline_benchmark::instrument::Flaw;
 use hydroline_benchmark::score::Score;
 use hydroline_benchmark::score::complaint;
-use hydroline_benchmark::strange::Strange;
 use hydroline_benchmark::{Case, coupled, export, images};
 use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Each case is a vehicle up to 20 % off the rig file, with effects of practical size over a background of small ones, \
-laws that are not quite the vocabulary's, correlated noise, outliers and lost frames. The diagnosis sees the logs \
+laws that are not quite the library's, correlated noise, outliers and lost frames. The diagnosis sees the logs \
 only. Then the key is opened. A case costs half a minute to a minute of one core.
 
 Examples:
@@ -157,7 +157,7 @@ struct Key<'a> {
     /// The effects that are there.
     truth: &'a [Truth],
     /// The effect from outside the candidate library, where there is one.
-    strange: Option<&'a Strange>,
+    external_law: Option<&'a ExternalLaw>,
     /// The vehicle's coefficients \[SI\].
     vehicle: BTreeMap<String, f64>,
     /// The disturbance of the motion.
@@ -171,7 +171,7 @@ struct Key<'a> {
 fn key(case: &Case) -> Key<'_> {
     Key {
         truth: &case.key.truth,
-        strange: case.key.tank.strange.as_ref(),
+        external_law: case.key.tank.external_law.as_ref(),
         vehicle: case.key.coefficients().into_iter().collect(),
         disturbance: &case.key.tank.disturbance,
         fault: case.key.fault.as_ref(),

@@ -404,7 +404,7 @@ fn record_all(
         if run.0 == run.1 {
             break;
         }
-        let go_on = settle(args.settle, session)?
+        let goes_on = settle(args.settle, session)?
             && (!args.return_to_start || {
                 let next = (run.0 + 1, run.1);
                 bring_back::wait(&Way {
@@ -416,7 +416,7 @@ fn record_all(
                     stopped: &|| session.stopped(),
                 })?
             });
-        if !go_on {
+        if !goes_on {
             errln!(
                 "hydroline: stopped between runs; {} of {} runs are recorded",
                 run.0,
@@ -640,7 +640,7 @@ impl Recording<'_> {
         let camera = &self.rig.camera;
         let length = self.length();
         if let Some(length) = length {
-            // Bytes as they come from the camera: what compression saves is not promised.
+            // Bytes as they come from the camera: what compression saves is not guaranteed.
             let bytes_per_s = bytes_per_s(camera);
             check_space(
                 out,

@@ -379,8 +379,8 @@ fn options(
     let image = own.as_ref().map(|rig| ImageSize::of(&rig.camera));
     let (calibration, warning) = match (calibration, run) {
         (Some(calibration), Some(run)) => {
-            let (told, warning) = args.using.fit_to_run(calibration, run, index(run), image)?;
-            (Some(told), warning)
+            let (fitted, warning) = args.using.fit_to_run(calibration, run, index(run), image)?;
+            (Some(fitted), warning)
         }
         (calibration, _) => (calibration, None),
     };
@@ -607,7 +607,7 @@ fn gaps(gaps: &[Gap]) -> Vec<String> {
     longest.sort_by(|a, b| length_s(b).total_cmp(&length_s(a)));
     longest.truncate(GAPS);
     longest.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-    let told = longest.into_iter().map(|gap| {
+    let reported = longest.into_iter().map(|gap| {
         let to = match gap.to_the_end {
             true => "to the end".to_owned(),
             false => format!("to {:.1} s", gap.to_s),
@@ -617,7 +617,7 @@ fn gaps(gaps: &[Gap]) -> Vec<String> {
             gap.from_s, gap.frames, gap.first_reason
         )
     });
-    let mut lines: Vec<String> = told.collect();
+    let mut lines: Vec<String> = reported.collect();
     if gaps.len() > GAPS {
         lines.push(format!(
             "{} shorter stretches without a pose",

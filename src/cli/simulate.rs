@@ -4,6 +4,7 @@ use super::live::{self, LiveArgs};
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
+use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_daemon::simulate::{Options, simulate};
 use hydroline_log::Unfinished;
 use hydroline_plan::preflight::preflight;
@@ -64,6 +65,12 @@ pub struct Args {
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
+    /// What is simulated is the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
+    #[arg(long, value_name = "RIG")]
+    tank: Option<String>,
+    /// The log's first second, e.g. 2026-05-04T09:30:00Z; default: 2020-09-13T12:26:40Z
+    #[arg(long, value_parser = inputs::time, value_name = "TIME")]
+    start: Option<u64>,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -94,6 +101,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     args.live.check()?;
     warn(&rig, &plan)?;
     let shown = args.live.start(false)?;
+    let tank = args.tank.as_deref().map(inputs::rig).transpose()?;
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -106,6 +114,8 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         live: shown
             .as_ref()
             .map(|shown| shown.run(live::title(&[&rig.name, &plan.name]), &args.out)),
+        start_unix_s: args.start.unwrap_or(SIMULATION_START_UNIX_S),
+        tank,
     };
     let length_s = plan.duration_s() + options.tail_s;
     let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");

@@ -91,7 +91,7 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that moves only when told: tests and offline simulation.
+/// A clock that moves only when set: tests and offline simulation.
 #[derive(Debug)]
 pub struct ManualClock {
     now: Mutex<ClockTriple>,

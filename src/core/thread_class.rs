@@ -1,6 +1,6 @@
 //! How urgent a thread is to the kernel, and that signals are not its business.
 //!
-//! Linux only, and of the calling thread alone. The promise to the thrusters (a set-point on time, neutral at once)
+//! Linux only, and of the calling thread alone. The guarantee to the thrusters (a set-point on time, neutral at once)
 //! must not depend on what else the computer is busy with; poses and pictures may wait.
 
 use std::io;

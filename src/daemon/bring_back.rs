@@ -226,7 +226,9 @@ impl Guide {
             }
             Stage::Away(left) => format!("{place} | go {left}"),
             Stage::Arriving(_) => format!("{place} | hold it there"),
-            Stage::Back(_) => format!("{place} | at the start: let go, Enter when the water rests"),
+            Stage::Back(_) => {
+                format!("{place} | at the start: hands off, Enter when the water rests")
+            }
         }
     }
 }

@@ -20,7 +20,7 @@ use hydroline_log::{
 };
 use hydroline_plan::setpoint::{Setpoint, SetpointError, setpoint};
 use hydroline_rigs::{Board, Plan, Rig};
-use hydroline_sim::{Pose6, Renderer, SceneError, SimError, World};
+use hydroline_sim::{Allocation, Pose6, Renderer, SceneError, SimError, World};
 use hydroline_stripe::ExtractorConfig;
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
@@ -49,6 +49,10 @@ pub struct Options {
     pub build: BuildInfo,
     /// Where it shows itself; changes no byte of the log.
     pub live: Option<Live>,
+    /// The log's first second, UNIX \[s\].
+    pub start_unix_s: u64,
+    /// What is simulated where that is not the rig that the log names: its vehicle, thrusters' curves and `[[physics]]`.
+    pub tank: Option<Rig>,
 }
 
 impl Default for Options {
@@ -63,6 +67,8 @@ impl Default for Options {
             board: None,
             build: BuildInfo::default(),
             live: None,
+            start_unix_s: SIMULATION_START_UNIX_S,
+            tank: None,
         }
     }
 }
@@ -110,12 +116,24 @@ pub fn simulate(
     }
     // The simulator renders grey frames whatever the rig's real camera delivers.
     rig.camera.pixel_format = PixelFormat::Grey;
-    let mut world = World::new(&rig, rig.tank.start_pose)?;
+    let truth_of = options.tank.as_ref().map_or_else(
+        || rig.clone(),
+        |tank| Rig {
+            vehicle: tank.vehicle.clone(),
+            thrusters: tank.thrusters.clone(),
+            physics: tank.physics.clone(),
+            ..rig.clone()
+        },
+    );
+    let allocation = Allocation::new(&rig.thrusters).map_err(SimError::from)?;
+    let mut world = World::new(&truth_of, rig.tank.start_pose)?;
     let renderer = if options.motion_only {
         None
     } else {
-        Some(Renderer::new(&rig)?)
+        Some(Renderer::new(&truth_of)?)
     };
+    let start_ns = options.start_unix_s * 1_000_000_000;
+    let at_ns = |t_s: f64| start_ns + (t_s * 1e9).round() as u64;
     let board = match (&options.board, options.motion_only) {
         (Some((board, offset_m)), false) => Some(BoardInView::new(&rig, board, *offset_m)?),
         _ => None,
@@ -155,7 +173,7 @@ pub fn simulate(
         while next_command <= commands && next_command as f64 / rig.thrusters.link.rate_hz <= seen_s
         {
             let command_s = next_command as f64 / rig.thrusters.link.rate_hz;
-            let set = setpoint(&rig, world.allocation(), plan, command_s)?;
+            let set = setpoint(&rig, &allocation, plan, command_s)?;
             world.command_pulses(command_s, &set.pulses_us)?;
             ahead.push_back((command_s, set));
             next_command += 1;
@@ -167,7 +185,7 @@ pub fn simulate(
             let Some((command_s, set)) = ahead.pop_front() else {
                 break;
             };
-            for message in commands_of(&rig, &set, command_s, sequence) {
+            for message in commands_of(&rig, &set, at_ns(command_s), sequence) {
                 log.write(at_ns(command_s), &Entry::command(&message))?;
                 if let Some(screen) = &mut screen {
                     screen.unhurried.command(&message);
@@ -213,10 +231,6 @@ pub fn simulate(
     Ok(log.finish(&SummaryInput::clean("simulated to the plan's end"))?)
 }
 
-fn at_ns(t_s: f64) -> u64 {
-    SIMULATION_START_UNIX_S * 1_000_000_000 + (t_s * 1e9).round() as u64
-}
-
 fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
     let source = SourceDescription {
         kind: "simulate".to_owned(),
@@ -255,19 +269,19 @@ fn head(rig: &Rig, plan: &Plan, options: &Options) -> Head {
 fn commands_of<'a>(
     rig: &'a Rig,
     set: &'a Setpoint,
-    t_s: f64,
+    at_ns: u64,
     sequence: u32,
 ) -> impl Iterator<Item = pb::ThrusterCommand> + 'a {
     let values = set.thrust_n.iter().zip(&set.pulses_us);
     let thrusters = rig.thrusters.thrusters.iter().zip(values);
     thrusters.map(
         move |(thruster, (thrust_n, pulse_us))| pb::ThrusterCommand {
-            timestamp: Some(timestamp(at_ns(t_s))),
+            timestamp: Some(timestamp(at_ns)),
             sequence,
             thruster: thruster.name.clone(),
             thrust_n: *thrust_n,
             pulse_us: *pulse_us,
-            due_ns: at_ns(t_s),
+            due_ns: at_ns,
             plan_step: set.plan_step,
             cause: "plan".to_owned(),
         },

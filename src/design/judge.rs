@@ -16,8 +16,8 @@ use super::options::{Instruments, Options, Purpose};
 /// An effect whose law holds this many words and more is a product of rates: there are a hundred of them, and what excites
 /// them is that both rates are there.
 const WORDS: usize = 2;
-/// A log Bayes factor to expect from which two effects are told apart: odds of 20 to 1.
-const TOLD: f64 = 3.0;
+/// A log Bayes factor to expect from which two effects are distinguished: odds of 20 to 1.
+const DISCRIMINATED: f64 = 3.0;
 /// Share of that below which a run has missed what its plan was to show: a few poses less, or a command a few milliseconds
 /// later, are no reason for another run.
 const BY_FAR: f64 = 0.5;
@@ -37,7 +37,7 @@ struct Asked {
     more: std::ops::Range<usize>,
 }
 
-/// How far two effects are told apart by a set of runs.
+/// How far two effects are distinguished by a set of runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Separation {
     /// One, of typical size, that is there.
@@ -49,9 +49,9 @@ pub struct Separation {
 }
 
 impl Separation {
-    /// Whether they are told apart.
-    pub fn told(&self) -> bool {
-        self.nats >= TOLD
+    /// Whether they are distinguished.
+    pub fn discriminated(&self) -> bool {
+        self.nats >= DISCRIMINATED
     }
 }
 
@@ -254,18 +254,18 @@ impl<'a> Judge<'a> {
 
     /// Effects of which runs tell a typical size from nothing, the coefficients unknown.
     pub fn shown(&self, whole: &DMatrix<f64>) -> Vec<String> {
-        self.seen(|a| self.apart(whole, a, None) >= TOLD)
+        self.seen(|a| self.apart(whole, a, None) >= DISCRIMINATED)
     }
 
     /// Those of which they do not.
     pub fn unseen(&self, whole: &DMatrix<f64>) -> Vec<String> {
-        self.seen(|a| self.apart(whole, a, None) < TOLD)
+        self.seen(|a| self.apart(whole, a, None) < DISCRIMINATED)
     }
 
     /// Effects of which a plan tells a typical size from nothing, and runs that were made do not by far.
     pub fn missing(&self, planned: &DMatrix<f64>, made: &DMatrix<f64>) -> Vec<String> {
         let by = |whole: &DMatrix<f64>, a: &Asked| self.apart(whole, a, None);
-        self.seen(|a| by(planned, a) >= TOLD && by(made, a) < BY_FAR * TOLD)
+        self.seen(|a| by(planned, a) >= DISCRIMINATED && by(made, a) < BY_FAR * DISCRIMINATED)
     }
 
     fn seen(&self, which: impl Fn(&Asked) -> bool) -> Vec<String> {

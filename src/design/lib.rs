@@ -2,7 +2,7 @@
 //!
 //! `sized` (which DOFs the thrusters drive, and how far they reach before tank, limits or target refuse) -> `pattern`
 //! (steps with a level per DOF) -> `judge` (information to expect of a run, `hydroline_inference::planned`) -> `search`
-//! (the set that says most) -> `told` (what each plan excites). `library` = plans of one DOF from which the next run of a
+//! (the set that says most) -> `summary` (what each plan excites). `library` = plans of one DOF from which the next run of a
 //! diagnosis is chosen.
 //!
 //! Nothing here reads a file or prints.
@@ -16,7 +16,7 @@ mod options;
 mod pattern;
 mod search;
 mod sized;
-mod told;
+mod summary;
 
 pub use judge::{Judge, Separation};
 pub use options::{Instruments, Options, Purpose};

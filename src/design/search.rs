@@ -160,8 +160,8 @@ pub fn design(
         pool.push(best.clone());
         chosen.push(best);
     }
-    progress("what they tell apart");
-    Ok(super::told::set(
+    progress("what they distinguish");
+    Ok(super::summary::set(
         &judge,
         reach,
         chosen.into_iter().map(|r| r.pattern).collect(),

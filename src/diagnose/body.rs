@@ -3,13 +3,13 @@
 //! All logs given are fitted, in any order: they are sorted by their content first, so that not even rounding depends on
 //! it. Runs held out are predicted and choose nothing.
 
+mod ablation;
+mod discrepancy;
 mod earned;
 mod effects;
 mod found;
 mod giving;
 mod inputs;
-mod ladder;
-mod nameless;
 pub mod next;
 mod place;
 mod shown;
@@ -22,9 +22,9 @@ use std::ops::ControlFlow;
 use hydroline_rigs::{Dof, Rig};
 
 use super::Beside;
-use super::alone::stretches;
 use super::conclude::{DiagnoseError, Diagnosis, stopped_by_faults};
 use super::joined;
+use super::single_run_split::stretches;
 use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Verdict, Word};
 use found::Judged;
@@ -49,7 +49,7 @@ pub fn diagnose(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
-    // What is fitted to all of one recording has nothing left to foretell: its quarters are runs of their own.
+    // What is fitted to all of one recording has nothing left to predict: its quarters are runs of their own.
     let parts = match (sources, held) {
         ([one], []) => stretches(one),
         _ => None,
@@ -132,7 +132,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.rig_factors = judged.far_off();
     verdict.at_limit = verdict.rig_factors.keys().cloned().collect();
     verdict.leave_one_run_out = judged.leave_one_run_out();
-    verdict.ladder = judged.ladder();
+    verdict.ablation = judged.ablation();
     verdict.verdict = judged.word();
     verdict.place = judged.place();
     verdict.test = judged.test();

@@ -8,7 +8,7 @@ use hydroline_sim::effect::EffectError;
 use super::source::Source;
 use super::verdict::{DataFault, Verdict, Word};
 
-/// How runs are told that were given with `--hold-out`.
+/// What runs are called that were given with `--hold-out`.
 pub(super) const HELD_OUT: &str = "runs held out";
 
 /// Why there is no verdict.

@@ -1,4 +1,4 @@
-//! Faults of the data, ruled out before physics is blamed (physics.md).
+//! Faults of the data, ruled out before physics is blamed (theory/identifiability.md, data faults).
 
 mod apart;
 mod kinematics;

@@ -56,12 +56,12 @@ pub(crate) fn withhold(verdict: &mut Verdict, runs: &[Run]) -> Vec<&'static str>
             )
         });
         verdict.notes.push(if is_estimated {
-            format!("a difference of time{size} between commands and motion is not named {id}: the offset of the joined logs was estimated from the same motion, and it may be that; measure the offset (join --offset-s, --offset-sd-s) to tell them apart")
+            format!("a difference of time{size} between commands and motion is not named {id}: the offset of the joined logs was estimated from the same motion, and it may be that; measure the offset (join --offset-s, --offset-sd-s) to distinguish them")
         } else {
             format!("a difference of time{size} between commands and motion is not named {id}: it is within {SDS} sd of what the offset of the joined logs may be ({known_sd})")
         });
         verdict.blind_spots.push(format!(
-            "{id}: not to be told from the offset of the joined logs"
+            "{id}: not to be distinguished from the offset of the joined logs"
         ));
     }
     if withheld.is_empty() {

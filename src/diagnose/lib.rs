@@ -5,13 +5,13 @@
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
 
-mod alone;
 pub mod body;
 mod conclude;
 pub mod faults;
 mod joined;
 pub mod profiles;
 pub mod report;
+mod single_run_split;
 mod source;
 pub mod until;
 pub mod verdict;

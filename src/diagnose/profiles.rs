@@ -16,11 +16,11 @@ pub mod geometry;
 pub mod known;
 pub mod light;
 pub mod model;
+mod motion_prior;
 pub mod observe;
 pub mod picture;
 pub mod prior;
 pub mod search;
 mod start;
-mod wobble;
 
 pub use findings::{Findings, ImageError, level};

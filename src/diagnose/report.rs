@@ -47,7 +47,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
         written(b, found);
         place(b, found, shown);
         tables::unexplained(b, v);
-        tables::ladder(b, v);
+        tables::ablation(b, v);
         tables::alternatives(b, v);
         tables::coefficients(b, v);
         tables::noise(b, v);

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use hydroline_rigs::Rig;
 
-use super::alone::let_go;
 use super::faults::{Records, fault, faults};
+use super::single_run_split::release_instant;
 use super::verdict::DataFault;
 use hydroline_identify::data::{Joined, LoadError, Run, load_messages};
 use hydroline_log::messages::{timestamp, unix_ns};
@@ -93,7 +93,7 @@ impl FromStr for Part {
     }
 }
 
-/// Reads a log or a window of it. A decay without a window is taken from where the hull was let go.
+/// Reads a log or a window of it. A decay without a window is taken from where the hull was released.
 ///
 /// # Errors
 /// [`LoadError`].
@@ -152,7 +152,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     }
     let mut found = Vec::new();
     if window_s.is_none()
-        && let Some((at_s, channel)) = let_go(&run, rig)
+        && let Some((at_s, channel)) = release_instant(&run, rig)
     {
         found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is left out"), false));
         run = cut(run, &mut records, at_s, f64::INFINITY);

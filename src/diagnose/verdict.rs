@@ -1,4 +1,4 @@
-//! The verdict, as `diagnose --json` prints it (interfaces.md).
+//! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict).
 
 use std::collections::BTreeMap;
 
@@ -28,15 +28,15 @@ pub enum Word {
     None,
     /// The list is the best explanation by far.
     Named,
-    /// Sets that this data cannot tell apart.
+    /// Sets that this data cannot distinguish.
     Ambiguous,
-    /// Something matters and nothing in the vocabulary explains it.
+    /// Something matters and nothing in the library explains it.
     Unknown,
     /// The data are wrong before any physics.
     DataFault,
 }
 
-/// Whether an effect acts by the vocabulary's law.
+/// Whether an effect acts by the library's law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
@@ -118,7 +118,7 @@ pub struct Where {
     pub windows: BTreeMap<String, Vec<[f64; 2]>>,
     /// What it depends on, in words with numbers.
     pub regime: String,
-    /// Log Bayes factor of a free force as a function of each variable, without effects.
+    /// Log Bayes factor of an unnamed force as a function of each variable, without effects.
     pub depends_on: BTreeMap<String, f64>,
 }
 
@@ -159,8 +159,8 @@ pub struct FitTable {
     pub held_out: BeforeAfter,
     /// How the second was made.
     pub held_out_by: String,
-    /// Where a law is not quite the vocabulary's: rms on the runs held out of the rig file written, which can
-    /// only hold the vocabulary's \[SI\].
+    /// Where a law is not quite the library's: rms on the runs held out of the rig file written, which can
+    /// only hold the library's \[SI\].
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub held_out_written: BTreeMap<String, f64>,
 }
@@ -227,7 +227,7 @@ pub struct Alternative {
 
 /// One effect more, in the order of what they gain; the first one stands for none at all.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Rung {
+pub struct AblationStep {
     /// Added here; empty for the vehicle alone.
     pub effect: String,
     /// rms on the runs fitted per channel, all effects up to here refitted together \[SI\].
@@ -236,7 +236,7 @@ pub struct Rung {
     pub held_out: BTreeMap<String, f64>,
 }
 
-/// A force or change that nothing in the vocabulary explains.
+/// A force or change that nothing in the library explains.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
     /// Channel it shows in.
@@ -264,7 +264,7 @@ pub struct Unexplained {
     pub closed_form: Option<ClosedForm>,
 }
 
-/// A force without a name, written down as an expression of its variable.
+/// A force of no known effect, written down as an expression of its variable.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ClosedForm {
     /// One form is likely enough to be called the law.
@@ -277,14 +277,14 @@ pub struct ClosedForm {
     pub forms: Vec<WrittenForm>,
     /// Force of the first form at the table's knots \[N, N m\]; of a product at the rate that scales it.
     pub force_at: Vec<f64>,
-    /// rms of runs left out, foretold with the first form \[SI\]; empty where that was not asked.
+    /// rms of held-out runs, predicted with the first form \[SI\]; empty where that was not asked.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub left_out: BTreeMap<String, f64>,
     /// The same with the table.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub left_out_table: BTreeMap<String, f64>,
     /// In words.
-    pub told: String,
+    pub sentence: String,
 }
 
 /// One form.
@@ -334,7 +334,7 @@ pub struct Verdict {
     pub sentence: String,
     /// What was left out together, heaviest first.
     pub effects: Vec<Effect>,
-    /// Complete sets of what matters that this data cannot tell apart, most probable first.
+    /// Complete sets of what matters that this data cannot distinguish, most probable first.
     pub equivalent: Vec<Vec<String>>,
     /// Every effect with a probability of a hundredth and more, listed above or not.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -354,10 +354,10 @@ pub struct Verdict {
     /// These over the rig's.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub rig_factors: BTreeMap<String, Value>,
-    /// Per DOF that moves the probability that a force without a name is worth more than the tolerance.
+    /// Per DOF that moves the probability that a force of no known effect is worth more than the tolerance.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unnamed: BTreeMap<String, f64>,
-    /// Each run as the others foretell it.
+    /// Each run as the others predict it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_one_run_out: Option<BeforeAfter>,
     /// What no data of this kind can show.
@@ -375,7 +375,7 @@ pub struct Verdict {
     pub alternatives: Vec<Alternative>,
     /// The heavy effects one after the other, by what each gains in prediction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub ladder: Vec<Rung>,
+    pub ablation: Vec<AblationStep>,
     /// What nothing explains.
     pub unexplained: Vec<Unexplained>,
     /// DOFs whose measured motion drove the others instead of being explained.

@@ -24,7 +24,7 @@ struct Found<'r> {
 /// earlier identification left there of other coefficients stays. Returns a sentence for each that was not taken.
 ///
 /// What is not taken keeps the rig's value, and the others are then what they are beside that value, not beside the
-/// one they were fitted with. It has its rows of the covariance too: its doubt is in the others, and a band
+/// one they were fitted with. It has its rows of the covariance too: its uncertainty is in the others, and a band
 /// made of the rig is the fit's.
 pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
     let mut all: Vec<Found<'_>> = result
@@ -136,8 +136,8 @@ struct Written {
 /// Taken coefficients t beside the rig's values of the kept ones k: t + B (rig - k), B = C_tk C_kk^-1, which leaves
 /// C_tt - B C_kt of their own, and B D B^T of the kept ones' error D beside their rig's values.
 ///
-/// D is the mean square of that error when the rig's doubt and the data are put together: with
-/// V = (C_kk^-1 + doubt^-2)^-1 and the mean d = V C_kk^-1 (k - rig) it is V + d d^T. Of what the fit held at the
+/// D is the mean square of that error when the rig's uncertainty and the data are put together: with
+/// V = (C_kk^-1 + prior_sd^-2)^-1 and the mean d = V C_kk^-1 (k - rig) it is V + d d^T. Of what the fit held at the
 /// rig's value C_kk says that already.
 fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written {
     let cell = |i: usize, j: usize| {
@@ -164,7 +164,7 @@ fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written
         let estimate = all[kept[a]].estimate;
         let held = !estimate.excited && !estimate.at_bound && estimate.value == said(kept[a]);
         if a == b && !held {
-            (scale(kept[a]) / all[kept[a]].coefficient.doubt(rig).max(1e-9)).powi(2)
+            (scale(kept[a]) / all[kept[a]].coefficient.prior_sd(rig).max(1e-9)).powi(2)
         } else {
             0.0
         }

@@ -3,18 +3,18 @@
 use hydroline_rigs::Dof;
 
 use super::data::Run;
-use super::outcome::BlindSpot;
+use super::outcome::NotIdentifiable;
 use super::parameter::{Coefficient, Term};
 
-fn spot(what: &str, why: String, experiment: &str) -> BlindSpot {
-    BlindSpot {
+fn spot(what: &str, why: String, experiment: &str) -> NotIdentifiable {
+    NotIdentifiable {
         what: what.to_owned(),
         why,
         experiment: experiment.to_owned(),
     }
 }
 
-/// Blind spots of runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
+/// What is not identifiable from runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
 /// they do not excite.
 pub fn blind_spots(
     runs: &[Run],
@@ -22,7 +22,7 @@ pub fn blind_spots(
     resting: &[Dof],
     undetermined: &[Coefficient],
     restoring: bool,
-) -> Vec<BlindSpot> {
+) -> Vec<NotIdentifiable> {
     let mut spots = Vec::new();
     let largest = runs.iter().fold([0.0_f64; 6], |m, r| {
         std::array::from_fn(|i| m[i].max(r.largest_wrench()[i]))

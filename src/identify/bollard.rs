@@ -1,4 +1,4 @@
-//! Bollard pull: pulse to thrust from a table, with covariance; the cure of the thrust-scale blind spot.
+//! Bollard pull: pulse to thrust from a table, with covariance; it makes the thrust scale identifiable.
 //!
 //! T(p, V) = (V / V0)^k (g (p - p0) + h (p - p0)^2) beyond each edge p0 of the deadband, 0 inside;
 //! ahead and astern have their own edge and shape (an asymmetric propeller). k only where the
@@ -49,7 +49,7 @@ pub struct Bollard {
     pub rms_n: f64,
     /// Readings left out as outliers.
     pub outliers: usize,
-    /// What makes the curve doubtful, one sentence each.
+    /// What makes the curve uncertain, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -263,7 +263,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
     };
     let largest = pulls.iter().fold(0.0_f64, |m, p| m.max(p.thrust_n.abs()));
     let slope = |span_us: f64| (0.3 * largest / span_us, 5.0 * largest / span_us);
-    let bend = |span_us: f64| {
+    let curvature = |span_us: f64| {
         (
             0.7 * largest / span_us.powi(2),
             5.0 * largest / span_us.powi(2),
@@ -278,10 +278,10 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         ),
         free("slope_ahead_npus", slope(up_us).0, 0.0, slope(up_us).1),
         free(
-            "bend_ahead_npus2",
-            bend(up_us).0,
-            -bend(up_us).1,
-            bend(up_us).1,
+            "curvature_ahead_npus2",
+            curvature(up_us).0,
+            -curvature(up_us).1,
+            curvature(up_us).1,
         ),
         free(
             "edge_astern_us",
@@ -291,10 +291,10 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         ),
         free("slope_astern_npus", slope(down_us).0, 0.0, slope(down_us).1),
         free(
-            "bend_astern_npus2",
-            bend(down_us).0,
-            -bend(down_us).1,
-            bend(down_us).1,
+            "curvature_astern_npus2",
+            curvature(down_us).0,
+            -curvature(down_us).1,
+            curvature(down_us).1,
         ),
     ];
     if with_voltage {
@@ -334,7 +334,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
     let c = covariance(&normal.hessian) * variance;
     let n = at.len();
     let residuals = problem.raw_residuals(0, &at)?;
-    let notes = doubts(&model, &at, &residuals[0], &used, range_us);
+    let notes = notes_on(&model, &at, &residuals[0], &used, range_us);
     let duals: Vec<Dual<7>> = at
         .iter()
         .enumerate()
@@ -379,8 +379,8 @@ const EXTRAPOLATED: f64 = 0.02;
 /// A curve this many times the rig's is another unit.
 const OTHER_UNIT: f64 = 3.0;
 
-/// What makes a fitted curve doubtful by itself: bounds, range, residuals.
-fn doubts(
+/// What makes a fitted curve uncertain by itself: bounds, range, residuals.
+fn notes_on(
     model: &Model,
     at: &[f64],
     residuals: &[f64],
@@ -558,7 +558,7 @@ mod tests {
     }
 
     #[test]
-    fn a_doubtful_table_is_named() {
+    fn an_uncertain_table_is_named() {
         let rig = Rig::builtin("lshpi").unwrap();
         let curve = &rig.thrusters.thrusters[0].curve;
         let mut rng = StdRng::seed_from_u64(6);

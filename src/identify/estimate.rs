@@ -4,12 +4,12 @@ mod choice;
 mod conclude;
 mod fit;
 mod held_out;
-mod rest;
+mod noise_at_rest;
 
 use self::choice::{choose, rests, what_is_free};
 use self::fit::Fit;
 use self::held_out::cross_validate;
-use self::rest::{before_the_first_load, centred, noise_at_rest, stored_noise};
+use self::noise_at_rest::{before_the_first_load, centred, noise_at_rest, stored_noise};
 use super::axis::Axis;
 use super::blind::blind_spots;
 use super::coupled::{Coupled, every_pose_is_known};

@@ -3,7 +3,7 @@
 //! `data` (a log becomes a [`Run`](data::Run)) -> a model with its sensitivities
 //! ([`Forward`](forward::Forward): one DOF in `axis`, the full Eq. 1 in `coupled`) -> `problem`
 //! (one vector of unknowns, residuals whitened) -> a [`Method`](method::Method)
-//! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, blind spots).
+//! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, what is not identifiable).
 
 pub mod adopt;
 pub mod axis;
@@ -31,5 +31,6 @@ pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};
 pub use outcome::{
-    BlindSpot, CrossValidation, Estimate, Identification, Residuals, RunSummary, SlotNoise, Trace,
+    CrossValidation, Estimate, Identification, NotIdentifiable, Residuals, RunSummary, SlotNoise,
+    Trace,
 };

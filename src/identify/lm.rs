@@ -85,7 +85,7 @@ impl Method for LevenbergMarquardt {
                         (centre + span * (rng.random::<f64>() - 0.5)).clamp(free.low, free.high);
                 }
             }
-            // L1 too: the starts are told apart by least squares, only the best one is reweighted.
+            // L1 too: the starts are distinguished by least squares, only the best one is reweighted.
             match from(problem, Objective::LeastSquares, start) {
                 Ok(found) => {
                     evaluations += found.evaluations;

@@ -94,7 +94,7 @@ pub struct CrossValidation {
 
 /// What this data cannot show.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct BlindSpot {
+pub struct NotIdentifiable {
     /// Effect id or parameter name.
     pub what: String,
     /// Why.
@@ -186,7 +186,7 @@ pub struct Identification {
     /// Leave-one-run-out.
     pub cross_validation: Vec<CrossValidation>,
     /// What this data cannot show.
-    pub blind_spots: Vec<BlindSpot>,
+    pub blind_spots: Vec<NotIdentifiable>,
     /// Runs.
     pub runs: Vec<RunSummary>,
     /// Remarks.

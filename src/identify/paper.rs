@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn table_11_comes_out_within_a_tenth_of_a_millimetre() {
-        // geometry.md's own figures, RK4 at 1 ms.
+        // The figures of theory/geometry.md, the paper's tables, RK4 at 1 ms.
         let ours = [
             [0.37, 1.05, 2.11],
             [17.49, 17.13, 42.68],

@@ -102,7 +102,7 @@ impl Coefficient {
     /// the rig's `[identified]` of this very number; else as far as the number is large; where it is 0 the rig
     /// claims to know nothing, and the truth lies anywhere in Table 9's range for a vehicle of this mass
     /// (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
-    pub fn doubt(self, rig: &Rig) -> f64 {
+    pub fn prior_sd(self, rig: &Rig) -> f64 {
         if let Some(sd) = self.identified_sd(rig) {
             return sd;
         }
@@ -190,14 +190,14 @@ mod tests {
             .zip([500.0, 100.0, 500.0])
         {
             let said = c.of_vehicle(&rig.vehicle);
-            assert_eq!(c.doubt(&rig), said.abs());
+            assert_eq!(c.prior_sd(&rig), said.abs());
             rig.identified = Some(hydroline_rigs::Identified {
                 coefficients: vec![c.key().to_owned()],
                 values: vec![said],
                 sd: vec![0.25],
                 covariance: vec![vec![0.0625]],
             });
-            assert_eq!(c.doubt(&rig), 0.25);
+            assert_eq!(c.prior_sd(&rig), 0.25);
             // The sd is that of another number now.
             c.put(&mut rig.vehicle, 0.0);
             let range = free(c, &rig.vehicle);
@@ -208,7 +208,7 @@ mod tests {
                 0.1 * width
             };
             assert!((range.high - slack).abs() < 1e-9, "{range:?}");
-            assert!((c.doubt(&rig) - width / 3f64.sqrt()).abs() < 1e-9);
+            assert!((c.prior_sd(&rig) - width / 3f64.sqrt()).abs() < 1e-9);
         }
     }
 

@@ -5,8 +5,8 @@
 //! variance(t) = g(t) C g(t)^T. Numbers that the rig holds without an uncertainty add none; those of them that
 //! the plan's motion depends on are named.
 
-pub mod beside;
 pub mod report;
+pub mod residuals;
 
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::{EffectError, check};
@@ -43,8 +43,8 @@ pub struct Prediction {
     /// Body wrench of the plan from each time on, only changes \[s; N, N m\].
     #[serde(skip)]
     pub commands: Vec<(f64, [f64; 6])>,
-    /// Coefficients of the DOFs that move which carry no uncertainty: their doubt is not in the band.
-    pub without_doubt: Vec<&'static str>,
+    /// Coefficients of the DOFs that move which carry no uncertainty: their uncertainty is not in the band.
+    pub without_uncertainty: Vec<&'static str>,
 }
 
 impl Prediction {
@@ -237,7 +237,7 @@ pub fn predict(
         motion: Vec::new(),
         sd: Vec::new(),
         commands: Vec::new(),
-        without_doubt: Vec::new(),
+        without_uncertainty: Vec::new(),
     };
     // Way (turn) of each DOF from start to end, there and back again.
     let mut travelled = [0.0; 6];
@@ -269,13 +269,13 @@ pub fn predict(
         }
     }
     if let Some(known) = identified {
-        out.without_doubt = without_doubt(rig, known, &travelled);
+        out.without_uncertainty = without_uncertainty(rig, known, &travelled);
     }
     Ok(out)
 }
 
 /// Coefficients without a variance, of the DOFs that travel farther than the rig's tolerance of a pose.
-fn without_doubt(rig: &Rig, known: &Identified, travelled: &[f64; 6]) -> Vec<&'static str> {
+fn without_uncertainty(rig: &Rig, known: &Identified, travelled: &[f64; 6]) -> Vec<&'static str> {
     let carries = |c: &Coefficient| {
         let place = known.values.iter().position(|(k, _)| k == c);
         place.is_some_and(|i| known.covariance[(i, i)] > 0.0)
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_that_move_the_vehicle_without_a_doubt_are_named() {
+    fn coefficients_that_move_the_vehicle_without_an_uncertainty_are_named() {
         let rig = Rig::builtin("lshpi").unwrap();
         let plan = Plan::builtin("surge-8n").unwrap();
         let named = |keys: &[&str], variances: &[f64]| {
@@ -347,7 +347,7 @@ mod tests {
             };
             predict(&rig, &plan, Some(&known), 5.0, 0.0)
                 .unwrap()
-                .without_doubt
+                .without_uncertainty
         };
         // Held by --fix, written with a variance of nothing: all the same. The push along x moves nothing else.
         assert_eq!(named(&["x_udot", "x_uu"], &[1.0, 9.0]), ["x_u"]);
@@ -355,11 +355,11 @@ mod tests {
         assert!(named(&["x_udot", "x_u", "x_uu"], &[1.0, 0.04, 9.0]).is_empty());
         // Without any covariance there is no band to leave something out of.
         let bare = predict(&rig, &plan, None, 5.0, 0.0).unwrap();
-        assert!(bare.without_doubt.is_empty());
+        assert!(bare.without_uncertainty.is_empty());
     }
 
     #[test]
-    fn a_rig_whose_identification_is_not_its_own_is_told_what_to_do_with_the_rig() {
+    fn a_rig_whose_identification_is_not_its_own_says_what_to_do_with_the_rig() {
         let mut rig = Rig::builtin("lshpi").unwrap();
         let value = rig.vehicle.coefficients[0].linear;
         rig.identified = Some(hydroline_rigs::Identified {

@@ -33,7 +33,7 @@ pub fn html(result: &Identification, command: &str) -> String {
     noise(b, result);
     correlations(b, result);
     validation(b, result);
-    b.section("Blind spots");
+    b.section("Not identifiable");
     b.list(result.blind_spots.iter().map(|spot| {
         Inline::new()
             .strong(&spot.what)

@@ -12,7 +12,7 @@ pub(crate) fn euler([w, x, y, z]: [f64; 4], axes: Axes) -> Option<[f64; 3]> {
         return None;
     }
     let [w, x, y, z] = [w, x, y, z].map(|v| v / length);
-    // The axis of the turn, along our axes: both frames are turned about x together.
+    // The axis of the turn, along our axes: both frames are rotated about x together.
     let (y, z) = match axes {
         Axes::ZDown => (y, z),
         Axes::ZUp => (-y, -z),

@@ -139,7 +139,7 @@ impl Clock {
                 let frame = exact(&cell, decimal)?;
                 let count = number(&cell, decimal)?;
                 let whole = nanoseconds(frame, 1)?;
-                let frame = whole.checked_add(self.turned(count, line)?)?;
+                let frame = whole.checked_add(self.rotated(count, line)?)?;
                 Some((frame as f64 * self.period_ns).round() as i128).filter(sane)
             }
             Reading::Numbers(columns) if self.unwrap_bits.is_some() => {
@@ -147,8 +147,8 @@ impl Clock {
                 let cell = plain(cells.get(column));
                 let count = number(&cell, decimal)?;
                 let own = nanoseconds(exact(&cell, decimal)?, unit_ns)?;
-                let turned = self.turned(count, line)?.checked_mul(unit_ns)?;
-                own.checked_add(turned).filter(sane)
+                let rotated = self.rotated(count, line)?.checked_mul(unit_ns)?;
+                own.checked_add(rotated).filter(sane)
             }
             Reading::Numbers(columns) => {
                 let mut sum = self.epoch_ns;
@@ -191,7 +191,7 @@ impl Clock {
     }
 
     /// What the counter's turns so far add to it.
-    fn turned(&mut self, count: f64, line: u64) -> Option<i128> {
+    fn rotated(&mut self, count: f64, line: u64) -> Option<i128> {
         let Some(bits) = self.unwrap_bits else {
             return Some(0);
         };
@@ -286,7 +286,7 @@ impl Clock {
             findings.push(Finding::warning(
                 "time_zone_missing",
                 Some(line),
-                "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be told from a gap".to_owned(),
+                "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be distinguished from a gap".to_owned(),
             ));
         }
         if self.zones.len() > 1 {

@@ -82,8 +82,8 @@ impl Draft {
         }
     }
 
-    /// A doubt: a comment in the map, and a remark.
-    fn doubt(&mut self, text: impl Into<String>) {
+    /// A question: a comment in the map, and a remark.
+    fn question(&mut self, text: impl Into<String>) {
         let text = text.into();
         self.toml.push(format!("# {text}"));
         self.remarks.push(text);
@@ -155,7 +155,7 @@ fn write(
     draft.line(format!("# {}", shape.title()));
     draft.remarks.push(shape.title());
     for remark in &shape.remarks {
-        draft.doubt(remark.clone());
+        draft.question(remark.clone());
     }
     file::write(&shape.file, &mut draft);
     time.write(&mut draft);
@@ -164,10 +164,10 @@ fn write(
     draft
 }
 
-/// What nameless columns may be, as comments: the person knows which.
+/// What unlabelled columns may be, as comments: the person knows which.
 fn propose(shape: &shape::Shape, draft: &mut Draft) {
     for proposal in &shape.open {
-        draft.doubt(format!(
+        draft.question(format!(
             "if the message is a {}, without the #:",
             proposal.message
         ));
@@ -191,13 +191,13 @@ fn faults(source: &(impl Source + ?Sized), draft: &Draft) -> io::Result<Faults> 
     // A pulse needs a rig, which is not known here.
     let found = survey(source, &map, None)?;
     // Rates that hardly follow the pose are no fault, but not what one looks for either.
-    let strange = |f: &&Finding| f.severity == Severity::Warning && f.kind == "kinematics";
-    let doubts = found.findings.iter().filter(strange).count();
+    let suspect = |f: &&Finding| f.severity == Severity::Warning && f.kind == "kinematics";
+    let questions = found.findings.iter().filter(suspect).count();
     let serious = found
         .findings
         .into_iter()
         .filter(|f| f.severity == Severity::Fault);
     let faults: Vec<(&str, String)> = serious.map(|f| (f.kind, f.message)).collect();
-    let bad = 100 * faults.len() + doubts;
+    let bad = 100 * faults.len() + questions;
     Ok((faults, bad))
 }

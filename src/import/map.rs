@@ -97,7 +97,7 @@ pub struct ChannelMap {
     pub missing: Missing,
     /// A number that stands for an empty cell.
     pub missing_value: Option<f64>,
-    /// A velocity along the tank's axes, to be turned into the body's.
+    /// A velocity along the tank's axes, to be rotated into the body's.
     pub in_tank: bool,
 }
 

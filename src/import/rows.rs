@@ -188,7 +188,7 @@ impl Form {
 
 /// The file's very last cell when no line end follows and it is shorter than any other of its column: cut inside a
 /// number it still is one. Where every other cell has the same number of decimals it surely was cut; else it may
-/// be a number that happens to be short. A complete last line raises no doubt.
+/// be a number that happens to be short. A complete last line raises no question.
 #[derive(Debug, Default)]
 struct Cut {
     rows: usize,

@@ -451,11 +451,11 @@ fn stamps_without_a_zone_a_clock_from_zero_and_a_cut_number_are_named() {
     let ended = format!("{cut}\n");
     assert!(kinds(&read(&ended, &map("")), Severity::Warning).is_empty());
     assert!(kinds(&read(whole.trim_end(), &map("")), Severity::Warning).is_empty());
-    // Numbers of any length: a short one at an end without a newline may be whole, and is only a doubt.
+    // Numbers of any length: a short one at an end without a newline may be whole, and is only a warning.
     let uneven = table(300, |k, c| c[4] = format!("{:.*}", 3 + k % 4, 0.1234567));
     let short = format!("{}0.1", &uneven[..uneven.rfind(',').unwrap() + 1]);
-    let doubt = read(&short, &map(""));
-    assert!(!doubt.has_faults() && kinds(&doubt, Severity::Warning).contains(&"cut_number"));
+    let warned = read(&short, &map(""));
+    assert!(!warned.has_faults() && kinds(&warned, Severity::Warning).contains(&"cut_number"));
 }
 
 #[test]

@@ -249,7 +249,7 @@ impl<'a> Writer<'a> {
 
     fn row(&mut self, row: &Sample) -> Result<(), ImportError> {
         let t_s = row.t_s;
-        // Time that does not advance cannot be told from time that is wrong: the row is left out.
+        // Time that does not advance cannot be distinguished from time that is wrong: the row is left out.
         if self.last_s.is_some_and(|before| t_s <= before) {
             self.outcome.lost.rows += 1;
             return Ok(());

@@ -74,7 +74,7 @@ pub struct Body {
 /// Numbers of a model, scaled: the vehicle's own, each term's, each run's start.
 pub type Point = Vec<f64>;
 
-/// What simulations of one run give: residual's counterpart (12 channels per sample, turned) and, column by column, its
+/// What simulations of one run give: residual's counterpart (12 channels per sample, rotated) and, column by column, its
 /// derivatives by the scaled numbers.
 #[derive(Debug, Clone)]
 pub struct Simulated {
@@ -92,7 +92,7 @@ const RATE_SAMPLES: usize = 5;
 const RATE_SD: f64 = 4.0;
 
 /// Rate of a DOF at a run's start as a straight line over its first samples says; 0 where it does not differ from rest.
-/// A log that begins under way is told from one at rest by this: a fit that begins at rest never finds it.
+/// A log that begins under way is distinguished from one at rest by this: a fit that begins at rest never finds it.
 fn under_way(r: &Recorded, dof: usize) -> f64 {
     if let Some(rate) = r.first(6 + dof) {
         return rate;

@@ -1,9 +1,9 @@
-//! The closed form of a force without a name: the simplest expression of its covariate that the data want instead of a table.
+//! The closed form of a force of no known effect: the simplest expression of its covariate that the data want instead of a table.
 //!
 //! Of the likeliest model that holds a table, what the data say of the table's points ranks all forms (`rank`) that the
 //! grammar has (`grammar`). The best are fitted to the data in the table's place, by the fit and the score that every model
 //! has, and compete with the table, which stands for every form that the grammar does not have. Where a form is likely
-//! by the evidence it has to foretell runs left out as well as the table does; then it joins the models, and the search
+//! by the evidence it has to predict held-out runs as well as the table does; then it joins the models, and the search
 //! goes on beside it.
 //!
 //! References: Schmidt and Lipson 2009 (laws from data); Duvenaud and others 2013 (Gaussian process to structure).
@@ -15,7 +15,7 @@ mod rank;
 #[cfg(test)]
 mod tests;
 
-use hydroline_sim::effect::along::COVARIATES;
+use hydroline_sim::effect::covariate_table::COVARIATES;
 use hydroline_sim::effect::{EffectInfo, find};
 
 use super::fit::{Fit, Problem};
@@ -30,7 +30,7 @@ use rank::ranked;
 /// Probability from which forms stand in a table's place: then one is the better bet, for what is held against it is no less an
 /// assumption. None is called the law for that.
 const STANDS: f64 = 0.5;
-/// Odds within which forms are told beside the likeliest.
+/// Odds within which forms are reported beside the likeliest.
 const ODDS: f64 = 20.0;
 /// Share of a DOF's unnamed force from which a covariate's table is written down.
 const SHARE: f64 = 0.2;
@@ -62,13 +62,13 @@ pub struct Closed {
     pub forms: Vec<Form>,
     /// Probability that it has no form of the grammar.
     pub none: f64,
-    /// Its forms stand in its place: together they are likely, and foretell runs left out as well as the table does.
+    /// Its forms stand in its place: together they are likely, and predict held-out runs as well as the table does.
     pub stands: bool,
     /// Runs left out: (the likeliest form, the table); `None` where that was not asked.
     pub left_out: Option<(Rms, Rms)>,
 }
 
-/// Writes down the forces without a name that a search found.
+/// Writes down the unnamed forces that a search found.
 pub fn closed(
     mut found: Found,
     options: Options,
@@ -243,7 +243,7 @@ fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, F
 }
 
 impl Candidate {
-    /// Name of the covariate of a force without a name, be it a table or a form.
+    /// Name of the covariate of a force of no known effect, be it a table or a form.
     pub fn runs_along(&self) -> Option<&'static str> {
         match self.kind {
             Kind::Form { .. } => self.word("along"),
@@ -252,7 +252,7 @@ impl Candidate {
         }
     }
 
-    /// DOF of a force without a name.
+    /// DOF of a force of no known effect.
     pub fn unnamed_in(&self) -> Option<usize> {
         match self.kind {
             Kind::Force { dof } | Kind::Form { dof, .. } => Some(dof),

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::belief::Belief;
 use super::body::Simulated;
 use super::fit::{Normal, Problem, ln_determinant};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, SIZES, ln_prior};
+use super::number_prior::NumberPrior;
 use super::table::TableCell;
 
 /// Normal equations by DOF and cell, of one linearisation.
@@ -56,7 +56,7 @@ impl<'a> Equations<'a> {
         &mut self,
         all: &[Simulated],
         cells: &Cells,
-        belief: &Belief,
+        number_prior: &NumberPrior,
         at: &[f64],
     ) -> (DMatrix<f64>, DVector<f64>, f64) {
         let forces: Vec<(usize, Cell)> = self
@@ -69,7 +69,7 @@ impl<'a> Equations<'a> {
         self.ask(all, &forces);
         let mut information = DMatrix::zeros(self.size, self.size);
         let mut gradient = DVector::zeros(self.size);
-        let mut cost = -belief.ln(at, cells);
+        let mut cost = -number_prior.ln(at, cells);
         for key in &forces {
             if let Some(n) = self.known.get(key) {
                 information += &n.information;
@@ -77,7 +77,7 @@ impl<'a> Equations<'a> {
                 cost += n.cost;
             }
         }
-        belief.add(at, cells, &mut information, &mut gradient);
+        number_prior.add(at, cells, &mut information, &mut gradient);
         (information, gradient, cost)
     }
 
@@ -86,18 +86,18 @@ impl<'a> Equations<'a> {
         &mut self,
         all: &[Simulated],
         cells: &Cells,
-        belief: &Belief,
+        number_prior: &NumberPrior,
         at: &[f64],
     ) -> f64 {
         let median = self.problem.body.prior.misfit_over_tolerance;
-        let (information, gradient, cost) = self.sum(all, cells, belief, at);
+        let (information, gradient, cost) = self.sum(all, cells, number_prior, at);
         let Some(root) = Cholesky::new(information) else {
             return f64::INFINITY;
         };
         let gain = 0.5 * gradient.dot(&root.solve(&gradient));
         let dofs = self.problem.body.dofs.iter();
         let forces: f64 = dofs.map(|d| ln_prior(cells.misfit[*d], median)).sum();
-        cost - gain + 0.5 * ln_determinant(&root) - forces - belief.ln_cells(cells)
+        cost - gain + 0.5 * ln_determinant(&root) - forces - number_prior.ln_cells(cells)
     }
 
     /// The likeliest cells, by steps to neighbours in each DOF in turn.
@@ -105,20 +105,20 @@ impl<'a> Equations<'a> {
         &mut self,
         all: &[Simulated],
         mut cells: Cells,
-        belief: &Belief,
+        number_prior: &NumberPrior,
         at: &[f64],
     ) -> (Cells, f64) {
         let dofs = self.problem.body.dofs.clone();
-        let mut best = self.restricted(all, &cells, belief, at);
+        let mut best = self.restricted(all, &cells, number_prior, at);
         for _ in 0..3 {
             let mut moved = false;
-            for block in &belief.blocks {
+            for block in &number_prior.blocks {
                 // Cheap: the data's part is the same for every one.
                 let chosen = cells.table(block.candidate);
                 let mut next = chosen;
                 for cell in TableCell::all() {
                     cells.tables.insert(block.candidate, cell);
-                    let cost = self.restricted(all, &cells, belief, at);
+                    let cost = self.restricted(all, &cells, number_prior, at);
                     if cost < best - 1e-6 {
                         (best, next) = (cost, cell);
                     }
@@ -135,7 +135,7 @@ impl<'a> Equations<'a> {
                     for cell in around {
                         let mut tried = cells.clone();
                         tried.misfit[d] = cell;
-                        let cost = self.restricted(all, &tried, belief, at);
+                        let cost = self.restricted(all, &tried, number_prior, at);
                         if cost < best - 1e-6 {
                             best = cost;
                             next = Some(cell);
@@ -148,7 +148,7 @@ impl<'a> Equations<'a> {
                     moved = true;
                 }
             }
-            if !moved || dofs.len() == 1 && belief.blocks.is_empty() {
+            if !moved || dofs.len() == 1 && number_prior.blocks.is_empty() {
                 break;
             }
         }
@@ -160,18 +160,18 @@ impl<'a> Equations<'a> {
         &mut self,
         all: &[Simulated],
         cells: &Cells,
-        belief: &Belief,
+        number_prior: &NumberPrior,
         at: &[f64],
     ) -> (Vec<(usize, Vec<f64>)>, f64) {
         let dofs = self.problem.body.dofs.clone();
         let median = self.problem.body.prior.misfit_over_tolerance;
-        let best = self.restricted(all, cells, belief, at);
+        let best = self.restricted(all, cells, number_prior, at);
         let mut more = 0.0;
-        for block in &belief.blocks {
+        for block in &number_prior.blocks {
             let mut tried = cells.clone();
             let each = TableCell::all().map(|cell| {
                 tried.tables.insert(block.candidate, cell);
-                beside(best - self.restricted(all, &tried, belief, at))
+                beside(best - self.restricted(all, &tried, number_prior, at))
             });
             let chosen = cells.table(block.candidate).ln_prior(block.median);
             more += each.sum::<f64>().ln() + chosen;
@@ -187,7 +187,7 @@ impl<'a> Equations<'a> {
                 let cost = |me: &mut Self, cell: Cell| {
                     let mut tried = cells.clone();
                     tried.misfit[d] = cell;
-                    me.restricted(all, &tried, belief, at) + ln_prior(cell, median)
+                    me.restricted(all, &tried, number_prior, at) + ln_prior(cell, median)
                 };
                 let middle = cost(self, here);
                 found.insert(here, middle);

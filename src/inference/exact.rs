@@ -36,7 +36,7 @@ fn integral(problem: &Problem, fit: &Fit, draws: usize, seed: u64) -> (f64, f64)
     let all: Vec<_> = problem.body.dofs.iter().map(|d| of(*d)).collect();
     let used = problem.noises.used.iter().flatten().flatten();
     let used = used.filter(|u| **u).count() as f64;
-    let belief = problem.belief(&fit.terms);
+    let number_prior = problem.number_prior(&fit.terms);
     let bounds = problem.body.bounds(&fit.terms);
     let none = Cells::of(fit.cells.misfit);
     let ln_posterior = |point: &[f64]| -> f64 {
@@ -48,7 +48,7 @@ fn integral(problem: &Problem, fit: &Fit, draws: usize, seed: u64) -> (f64, f64)
             return f64::NEG_INFINITY;
         }
         let values = problem.predicted(&fit.terms, point);
-        let mut sum = belief.ln(point, &none) - 0.5 * used * std::f64::consts::TAU.ln();
+        let mut sum = number_prior.ln(point, &none) - 0.5 * used * std::f64::consts::TAU.ln();
         for (d, cells) in &all {
             let each: Vec<f64> = cells
                 .iter()

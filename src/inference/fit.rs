@@ -10,12 +10,12 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use super::belief::Belief;
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
 use super::filter::Filter;
 use super::hyper::{Cell, Cells, Noises, Worth, filters, ln_prior, ln_sum};
 use super::noise::estimate;
+use super::number_prior::NumberPrior;
 use super::prior::PriorTable;
 use super::recording::Recording;
 use super::term::{Candidate, Kind};
@@ -121,7 +121,7 @@ const FAILED_MOST: usize = 8;
 struct Descent<'a> {
     problem: &'a Problem,
     terms: &'a [usize],
-    belief: Belief,
+    number_prior: NumberPrior,
     bounds: Vec<(f64, f64)>,
     effort: Effort,
     all: Vec<Simulated>,
@@ -132,8 +132,10 @@ struct Descent<'a> {
 impl Descent<'_> {
     /// Cells that are likeliest where it is.
     fn choose(&mut self, cells: &Cells) -> Cells {
-        let (all, belief, at) = (&self.all, &self.belief, &self.at);
-        self.equations.choose(all, cells.clone(), belief, at).0
+        let (all, number_prior, at) = (&self.all, &self.number_prior, &self.at);
+        self.equations
+            .choose(all, cells.clone(), number_prior, at)
+            .0
     }
 
     /// Down to the mode under these cells; `None` where the model gives no finite motion.
@@ -148,7 +150,8 @@ impl Descent<'_> {
         let filters: BTreeMap<usize, Vec<Filter>> = body.dofs.iter().map(of).collect();
         let (mut damping, mut failed) = (1e-3, 0);
         let (mut information, mut gradient, mut cost) =
-            self.equations.sum(&self.all, cells, &self.belief, &self.at);
+            self.equations
+                .sum(&self.all, cells, &self.number_prior, &self.at);
         for _ in 0..self.effort.steps {
             let mut damped = information.clone();
             for i in 0..self.at.len() {
@@ -163,27 +166,28 @@ impl Descent<'_> {
                 continue;
             };
             let move_by = root.solve(&gradient);
-            let promised = 0.5 * move_by.dot(&gradient);
+            let predicted = 0.5 * move_by.dot(&gradient);
             let moved = self.at.iter().zip(move_by.iter()).zip(&self.bounds);
             let tried: Point = moved
                 .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))
                 .collect();
             let values = self.problem.predicted(self.terms, &tried);
-            let new = self.problem.cost(&values, &filters) - self.belief.ln(&tried, cells);
+            let new = self.problem.cost(&values, &filters) - self.number_prior.ln(&tried, cells);
             if new.is_finite() && new <= cost + 1e-9 {
                 let gained = cost - new;
                 self.at = tried;
                 self.all = self.problem.simulate(self.terms, &self.at)?;
                 self.equations.clear();
                 (information, gradient, cost) =
-                    self.equations.sum(&self.all, cells, &self.belief, &self.at);
+                    self.equations
+                        .sum(&self.all, cells, &self.number_prior, &self.at);
                 damping = (damping * 0.2).max(1e-9);
                 failed = 0;
-                if gained < self.effort.decrement && promised < 2.0 * self.effort.decrement {
+                if gained < self.effort.decrement && predicted < 2.0 * self.effort.decrement {
                     break;
                 }
             } else {
-                if promised < 0.1 * self.effort.decrement {
+                if predicted < 0.1 * self.effort.decrement {
                     break;
                 }
                 damping = (damping * 8.0).max(1e-4);
@@ -384,7 +388,7 @@ impl Problem {
     /// Minus the log likelihood of a motion as the instruments saw it, summed over all random forces by their prior,
     /// without the constant.
     ///
-    /// `values` = channels per run and sample, turned as measured ones are.
+    /// `values` = channels per run and sample, rotated as measured ones are.
     pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
         let median = self.body.prior.misfit_over_tolerance;
         let cells: Vec<Cell> = Cell::all().collect();
@@ -418,7 +422,7 @@ impl Problem {
         let mut descent = Descent {
             problem: self,
             terms,
-            belief: self.belief(terms),
+            number_prior: self.number_prior(terms),
             bounds: self.body.bounds(terms),
             effort,
             all: self.simulate(terms, &at)?,
@@ -441,15 +445,15 @@ impl Problem {
             descent.run(&cells)?;
         }
         let Descent {
-            belief,
+            number_prior,
             all,
             mut equations,
             at,
             ..
         } = descent;
-        let (information, _, cost) = equations.sum(&all, &cells, &belief, &at);
+        let (information, _, cost) = equations.sum(&all, &cells, &number_prior, &at);
         let root = Cholesky::new(information)?;
-        let (sizes, more) = equations.sizes(&all, &cells, &belief, &at);
+        let (sizes, more) = equations.sizes(&all, &cells, &number_prior, &at);
         let used: usize = self
             .noises
             .used

@@ -2,7 +2,7 @@
 //!
 //! A DOF that is given moves as a smoothing spline through its measurement says; one that is measured and does not move
 //! keeps the steady rate that it has (a roll test under way). All series are smoothed in the tank frame, where a position
-//! and its rate belong together, and turned into the body by the smoothed attitude: the kinematics between both are exact.
+//! and its rate belong together, and rotated into the body by the smoothed attitude: the kinematics between both are exact.
 //! Reference: Fossen 2011, eqs 2.18 and 2.28 (Euler ZYX).
 
 use hydroline_numerics::statistics::{median, robust_sd};
@@ -270,12 +270,12 @@ fn moving(r: &Recorded, given: &[usize], rest: &[f64; 12], made: &mut Given) {
     let bodies: Vec<[(f64, f64); 6]> = at.iter().map(|t| track.body(*t)).collect();
     for &d in given {
         made.places[d] = Some(curve(&track.coordinates[d], |s| (s[0], s[1])));
-        let turned = d > 1 || track.planar;
-        made.rates[d] = if turned {
+        let rotated = d > 1 || track.planar;
+        made.rates[d] = if rotated {
             let each = at.iter().zip(&bodies).map(|(t, b)| (*t, b[d].0, b[d].1));
             Some(Curve::new(&each.collect::<Vec<_>>()))
         } else {
-            // One of x and y alone cannot be turned: it is the body's own.
+            // One of x and y alone cannot be rotated: it is the body's own.
             let samples = r
                 .values
                 .iter()
@@ -369,9 +369,9 @@ mod tests {
     fn a_steady_rate_carries_the_hull_and_noise_about_rest_does_not() {
         let mut run = run(&[3]);
         for (k, s) in run.samples.iter_mut().enumerate() {
-            let wobble = if k % 2 == 0 { 1e-3 } else { -1e-3 };
-            s.values[6] = 0.5 + wobble;
-            s.values[7] = wobble;
+            let shake = if k % 2 == 0 { 1e-3 } else { -1e-3 };
+            s.values[6] = 0.5 + shake;
+            s.values[7] = shake;
         }
         run.companions = Companions {
             times_s: vec![0.0, 1.0],

@@ -1,7 +1,7 @@
 //! Recorded runs of one body to models with their probabilities: one likelihood, one prior table, one score, one search.
 //!
 //! `recording` (all measured channels of all runs) -> `given` (what of them drives instead of being explained, by `smooth`) -> `body` (Eq. 1 with every effect's states, by duals) -> `filter`
-//! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode) -> `score` (log evidence) ->
+//! (noise of the instruments and a random force per DOF, integrated out) -> `fit` (the mode and its log evidence) ->
 //! `search` (moves between models) -> `posterior` (marginals).
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
@@ -10,7 +10,6 @@
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-pub mod belief;
 pub mod body;
 pub mod closed;
 mod equations;
@@ -18,14 +17,15 @@ mod equations;
 mod exact;
 pub mod filter;
 pub mod fit;
-pub mod foretell;
 pub mod given;
 pub mod hyper;
 pub mod noise;
+pub mod number_prior;
 pub mod planned;
 pub mod posterior;
+pub mod predicted_gain;
+pub mod prediction;
 pub mod prior;
-pub mod promise;
 pub mod recording;
 pub mod search;
 pub mod separation;

@@ -23,7 +23,7 @@ const PULLED: usize = 3;
 const LOGGED_LN: f64 = 0.3;
 /// Prior of the coloured part over the white one: median and scale of the logarithm.
 const COLOUR_RATIO: (f64, f64) = (-0.7, 1.2);
-/// sds of either beyond which no instrument is looked for: colour that is slower or larger cannot be told from what a
+/// sds of either beyond which no instrument is looked for: colour that is slower or larger cannot be distinguished from what a
 /// vehicle does by its residuals alone, and counts as misfit. A run at rest shows it.
 const COLOUR_SDS: f64 = 2.0;
 /// Steps of the search's last round, in logarithms.

@@ -62,7 +62,7 @@ impl Problem {
         };
         let recording = Recording::new(std::slice::from_ref(&run), pose[5]);
         let still = Body::plain(recording, rig, dofs)?;
-        // Turned as measured values are; back along the tank's axes.
+        // Rotated as measured values are; back along the tank's axes.
         let moved = still.values(0, &[], &still.begin());
         let (sin, cos) = still.recording.runs[0].heading[0];
         for (sample, v) in run.samples.iter_mut().zip(moved) {

@@ -3,7 +3,7 @@
 use super::hyper::SIZES;
 use super::search::Found;
 
-/// Probability that a force without a name is worth more than the tolerance, from which it is said.
+/// Probability that a force of no known effect is worth more than the tolerance, from which it is said.
 pub const UNNAMED: f64 = 0.5;
 
 /// Probability that the random force of a DOF is worth more than the tolerance, beside one model.

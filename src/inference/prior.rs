@@ -1,15 +1,14 @@
 //! One prior table: what each kind of term costs before any data, and how large its numbers are taken to be.
 //!
-//! Every number here has its reason beside it; a verdict must not hang on any of them (they are multiplied and divided
-//! by 1.5 at random in the proof).
+//! Every number here has its reason beside it; a verdict must not depend on any of them to within a factor of 1.5.
 
 use hydroline_sim::effect::ParameterInfo;
 
 /// The table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PriorTable {
-    /// Effects that one expects to have been left out of a rig's model in a tank: a couple that show (physics.md, "every
-    /// effect is there at once, most of them small").
+    /// Effects that one expects to have been left out of a rig's model in a tank: a couple that show
+    /// (theory/priors.md, number of effects).
     pub effects_expected: f64,
     /// Scale of the logarithm of a coefficient over the rig's (Student's t with two degrees of freedom): tables of
     /// similar hulls agree to some 30 %, and now and then not at all.
@@ -26,7 +25,7 @@ pub struct PriorTable {
     pub colour_s: f64,
     /// See there.
     pub colour_ln: f64,
-    /// Probability that a force without a name acts somewhere: nearly all of what moves a vehicle in a tank has one. A force
+    /// Probability that a force of no known effect acts somewhere: nearly all of what moves a vehicle in a tank has one. A force
     /// of the angle alone is first of all a restoring moment whose law is not quite the library's.
     pub unnamed: f64,
     /// Median of what such a force is worth, over the tolerance (half-Cauchy): one that is worth a term of its own shows.

@@ -1,6 +1,6 @@
 //! What was measured: all channels of all runs, in the axes in which noise and random forces are described.
 //!
-//! Errors of x and y are looked at along the body's own axes (turned by the measured heading): there a DOF's misfit shows
+//! Errors of x and y are looked at along the body's own axes (rotated by the measured heading): there a DOF's misfit shows
 //! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
 
 use std::collections::BTreeMap;
@@ -288,7 +288,7 @@ impl Recorded {
                 if v[5].is_finite() {
                     last = Some(v[5]);
                 }
-                // One coordinate alone cannot be turned.
+                // One coordinate alone cannot be rotated.
                 let psi = if both {
                     last.unwrap_or(heading_rad)
                 } else {
@@ -325,8 +325,8 @@ impl Recorded {
         }
     }
 
-    /// A state's channels with x and y turned into the body's axes at sample `k`.
-    pub fn turned<T: hydroline_sim::Real>(&self, k: usize, mut state: [T; 12]) -> [T; 12] {
+    /// A state's channels with x and y rotated into the body's axes at sample `k`.
+    pub fn rotated<T: hydroline_sim::Real>(&self, k: usize, mut state: [T; 12]) -> [T; 12] {
         let (sin, cos) = self.heading[k];
         let (x, y) = (state[0], state[1]);
         state[0] = x * cos + y * sin;
@@ -334,13 +334,13 @@ impl Recorded {
         state
     }
 
-    /// What was measured at sample `k`, turned likewise; a heading of 0 leaves a single coordinate as it is.
+    /// What was measured at sample `k`, rotated likewise; a heading of 0 leaves a single coordinate as it is.
     pub fn measured(&self, k: usize) -> [f64; 12] {
         let mut v = self.values[k];
         if v[0].is_finite() && v[1].is_finite() {
-            v = self.turned(k, v);
+            v = self.rotated(k, v);
         } else if self.heading[k].0 != 0.0 {
-            // One of two is missing here: neither can be turned.
+            // One of two is missing here: neither can be rotated.
             v[0] = f64::NAN;
             v[1] = f64::NAN;
         }

@@ -35,14 +35,14 @@ pub struct Options {
     pub exchanges: usize,
     /// Tables fitted beside each model that leaves something.
     pub tables: usize,
-    /// Known laws fitted, as nearly right, in the place of a force without a name.
+    /// Known laws fitted, as nearly right, in the place of a force of no known effect.
     pub laws: usize,
     /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
     /// effects.
     pub cost: usize,
     /// Models scored anew when the noise changes.
     pub rescored: usize,
-    /// Gain in log likelihood below which a promise is not worth a fit.
+    /// Gain in log likelihood below which a predicted gain is not worth a fit.
     pub least_gain: f64,
     /// Log score by which one step must better the best model for the noise to be estimated anew at once.
     pub renewed_after: f64,

@@ -1,6 +1,6 @@
 //! How far a model can follow what another one would do in a run that is not there yet.
 //!
-//! The run is foretold under one model; the other is refitted to it together with what the runs at hand say of its
+//! The run is predicted under one model; the other is refitted to it together with what the runs at hand say of its
 //! numbers. What it still cannot follow, in half squares of the noise and its own random force, is the log Bayes factor to
 //! expect (Kullback–Leibler divergence of the two predictions; Chaloner and Verdinelli 1995).
 
@@ -78,7 +78,7 @@ impl Problem {
         let mut at: Point = other.point[..own].to_vec();
         at.extend(start(planned));
         let n = at.len();
-        let belief = planned.belief(&other.terms);
+        let number_prior = planned.number_prior(&other.terms);
         let mut best = f64::INFINITY;
         for _ in 0..REFITS {
             let all = planned.simulate(&other.terms, &at)?;
@@ -102,7 +102,7 @@ impl Problem {
                     information[(i, j)] += known[(i, j)];
                 }
             }
-            belief.add_from(own, &at, &mut information, &mut gradient);
+            number_prior.add_from(own, &at, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
             at.iter_mut().zip(step.iter()).for_each(|(v, s)| *v += s);
         }

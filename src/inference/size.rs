@@ -1,6 +1,6 @@
-//! Priors for a vehicle of another size than the vocabulary's.
+//! Priors for a vehicle of another size than the library's.
 //!
-//! The vocabulary's plausible ranges (physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
+//! The library's plausible ranges (theory/physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
 //! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in what its
 //! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
 //! hull that rings for minutes has a large one and little damping. Times, ratios and lengths stay.
@@ -10,14 +10,14 @@ use hydroline_sim::vehicle::Hydrodynamics;
 
 use super::recording::Recording;
 
-/// Loads that the vocabulary's sizes are meant for, SNAME order \[N, N m\]: the built-in plans' on the paper's vehicle.
+/// Loads that the library's sizes are meant for, SNAME order \[N, N m\]: the built-in plans' on the paper's vehicle.
 const LOADS: [f64; 6] = [8.0, 10.0, 12.0, 0.6, 0.8, 0.7];
 /// Speeds under them \[m/s, rad/s\].
 const SPEED: f64 = 0.15;
 /// Up to this many of these loads the sizes serve as they are. Small loads do not make a vehicle small.
 const ALIKE: f64 = 5.0;
 
-/// How much larger than the vocabulary's a vehicle is, per DOF.
+/// How much larger than the library's a vehicle is, per DOF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Size {
     /// Factor of loads.
@@ -29,7 +29,7 @@ pub struct Size {
 }
 
 impl Size {
-    /// The vocabulary's own.
+    /// The library's own.
     pub const USUAL: Size = Size {
         load: [1.0; 6],
         stiffness: [1.0; 6],
@@ -149,7 +149,7 @@ mod tests {
 
     /// A ship model of a tonne rolled, and its restoring moment could not be other than linear.
     #[test]
-    fn a_ship_has_its_own_sizes_and_a_tank_run_the_vocabularys() {
+    fn a_ship_has_its_own_sizes_and_a_tank_run_the_librarys() {
         let k3 = ALL.iter().find(|i| i.id == "nonlinear_restoring").unwrap();
         let k3 = k3.parameters[0];
         let h: Hydrodynamics<f64> = Hydrodynamics::new(&Rig::builtin("lshpi").unwrap().vehicle);

@@ -146,7 +146,7 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// Between a jerk that never bends the series by its noise and one that follows every sample.
+    /// Between a jerk that never follows the noise and one that follows every sample.
     fn range_ln(&self) -> [f64; 2] {
         let span_s = self.times_s.last().unwrap_or(&1.0) - self.times_s.first().unwrap_or(&0.0);
         let positions = self.samples.iter().any(|s| s[0].is_finite());

@@ -122,7 +122,7 @@ impl Problem {
         Some(moved.collect())
     }
 
-    /// Weight of each effect of a model as interfaces.md defines it: rms of [motion with it alone − motion with none], at
+    /// Weight of each effect of a model as reference/interfaces.md defines it: rms of [motion with it alone − motion with none], at
     /// the fitted vehicle, what the vehicle's own numbers can do taken out.
     pub fn weights(&self, fit: &Fit) -> Vec<Rms> {
         let alone = |keep: Option<usize>| -> (Vec<usize>, Point) {
@@ -259,7 +259,7 @@ impl Problem {
     /// it. What a model misses is none.
     #[must_use]
     pub fn without_outliers(mut self, fit: &Fit) -> Problem {
-        if let Some(point) = self.foretold(&fit.terms, &fit.point) {
+        if let Some(point) = self.with_starts(&fit.terms, &fit.point) {
             let predicted = self.predicted(&fit.terms, &point);
             self.noises.used = estimate(&self.body, &predicted, Some(&self.noises)).used;
         }

@@ -5,7 +5,7 @@
 
 use std::sync::OnceLock;
 
-use hydroline_sim::effect::along::POINTS;
+use hydroline_sim::effect::covariate_table::POINTS;
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 
 /// Correlation lengths over the range of the covariate: from a bump at one place to a law over all of it.

@@ -1,4 +1,4 @@
-//! What a table would gain beside a fitted model: a force without a name, or the law of a member that is only nearly the
+//! What a table would gain beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
 //! library's.
 //!
 //! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random
@@ -24,7 +24,7 @@ const SHRUNK: usize = 3;
 
 /// A table beside a model.
 #[derive(Debug, Clone)]
-pub(super) struct TablePromise {
+pub(super) struct TableGain {
     /// Candidate.
     pub candidate: usize,
     /// Cells at which it is worth most.
@@ -62,7 +62,7 @@ impl Problem {
     }
 
     /// Tables beside a model, best first; no forces in DOFs in which only laws are asked.
-    pub(super) fn tables(&self, fit: &Fit, only_laws: &[bool; 6]) -> Vec<TablePromise> {
+    pub(super) fn tables(&self, fit: &Fit, only_laws: &[bool; 6]) -> Vec<TableGain> {
         let lacking = self.lacking(fit, LEFT);
         if self.lacking(fit, LEFT_OF_A_LAW).is_empty() {
             return Vec::new();
@@ -83,16 +83,16 @@ impl Problem {
         let Some(here) = self.simulate(&fit.terms, &fit.point) else {
             return Vec::new();
         };
-        let belief = self.belief(&fit.terms);
+        let number_prior = self.number_prior(&fit.terms);
         let mut equations = Equations::new(self, fit.point.len());
-        let before = equations.restricted(&here, &fit.cells, &belief, &fit.point);
-        let mut made: Vec<TablePromise> = asked
+        let before = equations.restricted(&here, &fit.cells, &number_prior, &fit.point);
+        let mut made: Vec<TableGain> = asked
             .into_par_iter()
             .filter_map(|candidate| {
                 let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
                 let (terms, point) = self.with(fit, candidate, &nothing);
                 let all = self.simulate(&terms, &point)?;
-                let belief = self.belief(&terms);
+                let number_prior = self.number_prior(&terms);
                 let mut equations = Equations::new(self, point.len());
                 let from = [0, SHRUNK].map(|by| {
                     let mut cells = fit.cells.clone();
@@ -105,13 +105,13 @@ impl Problem {
                     cells
                 });
                 let each = from.into_iter();
-                let each = each.map(|cells| equations.choose(&all, cells, &belief, &point));
+                let each = each.map(|cells| equations.choose(&all, cells, &number_prior, &point));
                 let (cells, after) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
                 // Each number that is integrated out brings its share of the normal density's constant.
                 let more =
                     0.5 * (point.len() - fit.point.len()) as f64 * std::f64::consts::TAU.ln();
                 let gain = before - after + more;
-                gain.is_finite().then_some(TablePromise {
+                gain.is_finite().then_some(TableGain {
                     candidate,
                     cells,
                     gain,

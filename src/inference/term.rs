@@ -2,7 +2,7 @@
 
 use hydroline_identify::data::COMPANIONS;
 use hydroline_rigs::{Dof, Vehicle};
-use hydroline_sim::effect::along::{COVARIATES, POINTS};
+use hydroline_sim::effect::covariate_table::{COVARIATES, POINTS};
 use hydroline_sim::effect::{
     ALL, CheckedEffect, EffectInfo, EffectStack, ParameterInfo, Stage, WordInfo,
 };
@@ -26,7 +26,7 @@ pub struct Ground<'a> {
     pub ahead: bool,
     /// Greatest load commanded per DOF \[N, N m\].
     pub largest: &'a [f64; 6],
-    /// The vehicle's size beside the vocabulary's.
+    /// The vehicle's size beside the library's.
     pub size: Size,
     /// The rig's vehicle.
     pub vehicle: &'a Vehicle,
@@ -37,7 +37,7 @@ pub struct Ground<'a> {
 pub enum Kind {
     /// An effect of the library.
     Effect,
-    /// A force without a name along a covariate.
+    /// A force of no known effect along a covariate.
     Force {
         /// DOF in which it acts.
         dof: usize,
@@ -198,7 +198,7 @@ fn is_lift(info: &EffectInfo, words: &[usize], ground: &Ground<'_>) -> bool {
 }
 
 /// Whether a product of rates is a DOF's own rate squared: damping of a hull that differs ahead and astern, which stands in
-/// the vocabulary as such. As a product it would drive the vehicle on one side.
+/// the library as such. As a product it would drive the vehicle on one side.
 fn is_own_square(info: &[WordInfo], words: &[usize]) -> bool {
     let named = |word: &str| {
         let at = info.iter().position(|w| w.name == word)?;
@@ -319,7 +319,7 @@ pub(super) fn is_function_of(
     asked().unwrap_or(false)
 }
 
-/// Forces without a name in these DOFs, and near laws of effects: tables, whose shape is free.
+/// Additive discrepancies in these DOFs, and state-dependent parameters of effects: tables, whose shape is free.
 ///
 /// `effects` = candidates of the library, whose places are kept; `loads` = range of the load per DOF.
 pub fn tables(
@@ -526,7 +526,7 @@ impl Candidate {
             })
     }
 
-    /// Whether its force is always that of one of the vehicle's own coefficients: no recording tells them apart.
+    /// Whether its force is always that of one of the vehicle's own coefficients: no recording distinguishes them.
     fn is_own(&self, ground: &Ground<'_>) -> bool {
         let Some((start, none)) = self.starts.first().zip(rates(&[], ground)) else {
             return false;

@@ -1,4 +1,4 @@
-//! The log: MCAP files as interfaces.md names them, written so that a crash, a slow disk or a
+//! The log: MCAP files as reference/interfaces.md names them, written so that a crash, a slow disk or a
 //! full one costs as little as possible, and read so that no damaged byte goes unnoticed.
 //!
 //! ```text

@@ -56,7 +56,7 @@ impl Limits {
 }
 
 impl Default for Limits {
-    /// The defaults of capture-and-log.md: 1 MiB, 1 s, commands on file within 40 ms, 2 s, no rotation, 256 MiB kept free.
+    /// The defaults: 1 MiB, 1 s, commands on file within 40 ms, 2 s, no rotation, 256 MiB kept free.
     fn default() -> Self {
         Self {
             command_flush_ns: Some((40e6 * CLOSE_SHARE) as u64),

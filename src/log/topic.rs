@@ -51,7 +51,7 @@ pub struct SchemaText {
 }
 
 impl Topic {
-    /// Every topic, in the order of interfaces.md.
+    /// Every topic, in the order of reference/interfaces.md.
     pub const ALL: [Topic; 15] = [
         Topic::RawImage,
         Topic::CompressedImage,

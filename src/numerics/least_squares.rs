@@ -111,12 +111,12 @@ pub enum Ended {
     Rounding,
     /// A step was rejected where little was left to gain ([`Options::decrement_smooth`]): the cost is not
     /// smooth on that scale.
-    Rough,
+    PoorModel,
     /// No step downhill at any damping although the linear model expects one: the derivatives are not those of the
     /// cost, or the model ends here.
     Stuck,
     /// The last steps gained nothing worth having, but damping made them shorter than half and the linear model
-    /// expects more: a valley that bends sharply, or the border of where the model is defined.
+    /// expects more: a strongly curved narrow minimum, or the border of where the model is defined.
     Creeping,
     /// The normal equations could not be solved: not positive definite, or not finite.
     Singular,
@@ -136,7 +136,7 @@ impl Ended {
             | Ended::Exact
             | Ended::Held
             | Ended::Rounding
-            | Ended::Rough => true,
+            | Ended::PoorModel => true,
             Ended::Stuck | Ended::Creeping | Ended::Singular | Ended::Outside | Ended::Budget => {
                 false
             }
@@ -317,7 +317,7 @@ impl<'a> Search<'a> {
             }
             let smooth = options.decrement_smooth;
             if smooth > 0.0 && left().is_some_and(|left| left < smooth) {
-                return Tried::Nothing(Ended::Rough);
+                return Tried::Nothing(Ended::PoorModel);
             }
             if !self.raise(|d| d.rejected) {
                 let at_rest = nothing_expected(normal, moves, options);

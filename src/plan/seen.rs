@@ -28,7 +28,7 @@ impl Extent {
                 width_m: *width_m,
                 top_m: slab.top_m,
             },
-            // A regular hexagon with its joints across X is sqrt(3) sides long and two sides wide (geometry.md).
+            // A regular hexagon with its joints across X is sqrt(3) sides long and two sides wide (theory/geometry.md, target).
             SlabOutline::HexagonChain {
                 x0_m,
                 side_m,

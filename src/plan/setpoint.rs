@@ -8,7 +8,7 @@ use hydroline_sim::{Allocation, ThrustError};
 /// Resolution of both protocols on the wire: a quarter of a microsecond \[us\].
 pub const PULSE_STEP_US: f64 = 0.25;
 
-/// What all thrusters are told at one time, in the rig's order.
+/// The set-points of all thrusters at one time, in the rig's order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setpoint {
     /// Pulses on the wire's grid \[us\].

@@ -36,7 +36,7 @@ pub fn scaled(plan: &Plan, share: f64) -> Plan {
     made
 }
 
-/// Largest load of a plan per axis of the body \[N, N m\]; none where single thrusters are told what to do.
+/// Largest load of a plan per axis of the body \[N, N m\]; none where single thrusters are commanded.
 pub fn largest(plan: &Plan) -> Option<[f64; 6]> {
     plan.steps
         .iter()

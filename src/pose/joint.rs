@@ -3,7 +3,7 @@
 //! The grey levels along the stripe are compared with [`super::photometric`]'s closed form under
 //! the pose, the brightness, the thickness of the sheet and the background, brightness and background uneven, by
 //! Gauss–Newton with a robust weight. The covariance is that of the fit with light and thickness free, so the weak
-//! direction (δz = l δθ, δx = −H δθ; geometry.md) carries its own large sd; what is not known of the camera's response
+//! direction (δz = l δθ, δx = −H δθ; theory/geometry.md, one frame) carries its own large sd; what is not known of the camera's response
 //! ([`CameraResponse`]) adds to it.
 
 use super::initial;

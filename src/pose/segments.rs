@@ -1,6 +1,6 @@
 //! The stripe sorted into levels, and the points where it steps from one to the next.
 //!
-//! In the laser plane every flat top is a straight line, all parallel (geometry.md): at roll φ and
+//! In the laser plane every flat top is a straight line, all parallel (theory/geometry.md, laser plane): at roll φ and
 //! pitch θ the line of height h is η = η₀ + ξ slope + h / (cos θ cos φ). Stretches of the stripe
 //! are given to the heights that the target has; the step between two of them is measured on the
 //! UPPER one, because only its end is the target's edge: the lower one may be hidden behind it.

@@ -1,6 +1,6 @@
 //! A run's poses bound together by the vehicle's dynamics.
 //!
-//! One frame leaves one combination of x, z and θ weak (geometry.md: δz = l δθ, δx = −H δθ) and
+//! One frame leaves one combination of x, z and θ weak (theory/geometry.md, one frame: δz = l δθ, δx = −H δθ) and
 //! shows the sheet's thickness no better. A vehicle of 30 kg with its added mass cannot jump
 //! along that combination from one frame to the next, and the sheet stays as thick as it is: so
 //! the frames of a run are smoothed together (extended Kalman filter forwards, Rauch–Tung–Striebel

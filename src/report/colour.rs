@@ -1,6 +1,6 @@
 //! The colours of every report.
 //!
-//! Eight colours that people with any of the common forms of colour blindness can tell apart:
+//! Eight colours that people with any of the common forms of colour blindness can distinguish:
 //! M. Okabe and K. Ito, "Color Universal Design", 2008; B. Wong, Nature Methods 8 (2011) 441.
 //!
 //! A shape carries its colour twice: as an attribute, which every viewer reads and which suits white paper, and as

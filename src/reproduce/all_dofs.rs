@@ -92,7 +92,7 @@ struct Outcome {
     lost: f64,
 }
 
-/// Identifies sway, heave, roll, pitch and yaw `seeds` times each; `progress` is told of each experiment.
+/// Identifies sway, heave, roll, pitch and yaw `seeds` times each; `progress` is called with each experiment.
 ///
 /// # Errors
 /// [`ReproduceError`].

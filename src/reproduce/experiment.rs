@@ -31,7 +31,7 @@ const RATE_HZ: f64 = 25.0;
 const STEP_S: f64 = 0.002;
 
 /// An attitude that swings although the experiment assumes it still:
-/// mean + amp·sin(2π t / period + phase), the vocabulary's `attitude_disturbance` about a mean.
+/// mean + amp·sin(2π t / period + phase), the library's `attitude_disturbance` about a mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
     /// Place in a pose: 3 = φ, 4 = θ, 5 = ψ.

@@ -143,7 +143,7 @@ fn motion(rig: &Rig, thrust_n: f64, disturbance: Disturbance, every: usize) -> V
     let h = dt / 40.0;
     let (mut s_m, mut u, mut t_s) = (0.0, 0.0f64, 0.0);
     let mut out = Vec::new();
-    // Greatest pitch by which the formula comes to the paper's error: 790 mm tan θ (geometry.md).
+    // Greatest pitch by which the formula comes to the paper's error: 790 mm tan θ (theory/geometry.md, the paper's tables).
     // Mean yaw by which ψ_S comes to the paper's mean.
     let (pitch_deg, yaw_deg) = if thrust_n < 6.0 {
         (1.06, 2.5)

@@ -130,7 +130,7 @@ struct Outcome {
     psi_s_rad: [Option<f64>; 2],
 }
 
-/// Runs `seeds` experiments under each condition; `progress` is told of each that is done.
+/// Runs `seeds` experiments under each condition; `progress` is called with each that is done.
 ///
 /// # Errors
 /// [`ReproduceError`].

@@ -1,5 +1,5 @@
 //! One-sided haze: the sheet lights the water it crosses, and the camera sees that light on one
-//! side of the stripe only (notes 2.4; physics: `backscatter_haze`).
+//! side of the stripe only (theory/noise.md, rows of the stripe; effect `backscatter_haze`).
 //!
 //! `light = fraction * peak * exp(-d / length)`, d = distance beyond the stripe on that side.
 //! One column cannot tell it from the stripe's own shift; all columns together can, from the

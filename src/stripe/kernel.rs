@@ -6,7 +6,7 @@
 //! Linearised at a row on a 1/8 px grid and a width on a geometric grid, the least-squares
 //! solution for (b, A, A dc, A ds) is a fixed 4 x taps matrix. Its third line is the matched
 //! derivative-of-Gaussian filter, made orthogonal to background, height and width; its zero
-//! crossing reaches the Cramer-Rao bound (Blais and Rioux 1986; notes of issue 2, 3.1).
+//! crossing reaches the Cramer-Rao bound (Blais and Rioux 1986).
 
 use nalgebra::{Matrix4, Vector4};
 use wide::{f32x4, i16x8, i32x4};

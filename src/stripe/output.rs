@@ -5,7 +5,7 @@ use hydroline_core::frame::GreyImage;
 use image::{Rgb, RgbImage};
 use std::io::{self, Write};
 
-/// Header of [`write_csv`] (interfaces.md, `hydroline extract`).
+/// Header of [`write_csv`] (reference/interfaces.md, `hydroline extract`).
 pub const CSV_HEADER: &str = "column_px,row_px,peak,sd_px";
 
 /// Writes the points as CSV, one line per point, after the header.

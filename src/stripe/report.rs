@@ -130,7 +130,7 @@ impl Extractor {
 }
 
 fn point(column: usize, fit: &Fit, variance: f64, haze: Option<Haze>, quality: u32) -> StripePoint {
-    // A haze level wrong by df shifts the row by about 1.7 df s / 2 (notes 2.4).
+    // A haze level wrong by df shifts the row by about 1.7 df s / 2 (theory/noise.md, rows of the stripe).
     let haze_sd = haze.map_or(0.0, |h| 0.85 * fit.sigma_px * h.fraction_sd);
     let sd_px = (variance * fit.row_variance / (fit.peak * fit.peak) + haze_sd * haze_sd).sqrt();
     StripePoint {

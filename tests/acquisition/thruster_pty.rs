@@ -224,7 +224,7 @@ fn every_command_is_echoed_in_order_and_dropping_the_service_is_neutral() {
             .map(|c| c.pulse_us)
             .collect();
         assert_eq!(felt, logged, "{kind:?}");
-        // A pseudo-terminal has no low-latency mode: told, not fatal.
+        // A pseudo-terminal has no low-latency mode: reported, not fatal.
         assert_eq!(bench.events("serial.low_latency").len(), 1);
     }
 }
@@ -307,8 +307,8 @@ fn a_panic_inside_the_service_is_neutral() {
             .records
             .lock()
             .unwrap_or_else(std::sync::PoisonError::into_inner);
-        let told = |r: &LinkRecord| matches!(r, LinkRecord::Event(e) if e.message.contains("the sink breaks"));
-        assert!(records.iter().any(told), "{kind:?}");
+        let reported = |r: &LinkRecord| matches!(r, LinkRecord::Event(e) if e.message.contains("the sink breaks"));
+        assert!(records.iter().any(reported), "{kind:?}");
     }
 }
 
@@ -516,14 +516,14 @@ fn standalone_it_comes_back_after_every_lost_connection() {
         } else {
             ServeAt::Connect(path.clone())
         };
-        let (stopped, told) = (stop.clone(), ready.clone());
+        let (stopped, running) = (stop.clone(), ready.clone());
         let thread = std::thread::spawn(move || {
             let config = ControllerConfig::bench(LinkKind::Maestro);
             run_standalone(
                 config,
                 &at,
                 &stopped,
-                &mut |_| told.store(true, Ordering::Relaxed),
+                &mut |_| running.store(true, Ordering::Relaxed),
                 Box::new(|_| {}),
             )
         });

@@ -68,7 +68,7 @@ fn the_order_of_logs_changes_nothing() {
 
 /// A rig may be off by five: hidden bounds on coefficients made effects of what a coefficient is.
 #[test]
-fn a_rig_that_is_far_off_gets_the_same_verdict_and_is_told() {
+fn a_rig_that_is_far_off_gets_the_same_verdict_and_is_reported() {
     let all = runs(&water());
     for (factor, left_out) in [(0.2, true), (5.0, true), (3.0, false)] {
         let mut rig = Rig::builtin("lshpi").unwrap();

@@ -1,4 +1,4 @@
-//! A force without a name is written down, and the rig that holds it predicts what no run has shown.
+//! A force of no known effect is written down, and the rig that holds it predicts what no run has shown.
 #![allow(clippy::unwrap_used)] // a test
 
 use crate::diagnose_motion::{clean, simulated};
@@ -27,7 +27,7 @@ fn bump() -> PhysicsEntry {
 }
 
 #[test]
-fn a_force_without_a_name_is_written_down_and_predicts_twice_the_load() {
+fn an_unnamed_force_is_written_down_and_predicts_twice_the_load() {
     let rig = Rig::builtin("lshpi").unwrap();
     let mut water = rig.clone();
     water.vehicle.coefficients[0].linear *= 1.15;
@@ -49,7 +49,7 @@ fn a_force_without_a_name_is_written_down_and_predicts_twice_the_load() {
     assert_eq!(v.verdict, Word::Unknown, "{}", v.sentence);
     let form = v.unexplained[0].closed_form.as_ref().unwrap();
     println!("{form:?}");
-    assert!(form.sure && form.written, "{}", form.told);
+    assert!(form.sure && form.written, "{}", form.sentence);
     let pieces = &form.forms[0].pieces;
     assert_eq!(pieces.len(), 1);
     assert_eq!(pieces[0].form, "bump");
@@ -59,15 +59,15 @@ fn a_force_without_a_name_is_written_down_and_predicts_twice_the_load() {
         assert!((n.value - truth).abs() < 4.0 * sd, "{name}: {n:?}");
         assert!(sd < 0.1 * truth, "{name}: {n:?}");
     }
-    // The rig that is written holds the expression; runs of twice the load are foretold from rest.
+    // The rig that is written holds the expression; runs of twice the load are predicted from rest.
     let written = &found.rig.physics;
     assert!(written.iter().any(|e| e.effect == "written_force"));
     let hard: &[(f64, f64)] = &[(0.0, 18.0), (4.0, -16.0), (9.0, 20.0)];
-    let (truth, foretold) = (
+    let (truth, predicted) = (
         simulated(&water, "hard", hard, 7),
         simulated(&found.rig, "hard", hard, 7),
     );
-    let pairs = truth.samples.iter().zip(&foretold.samples);
+    let pairs = truth.samples.iter().zip(&predicted.samples);
     let square: f64 = pairs
         .map(|(a, b)| (a.values[0] - b.values[0]).powi(2))
         .sum();

@@ -333,7 +333,7 @@ fn the_tanker_lacks_its_sideways_speed_and_its_rudder() {
 
 /// The columns as they are labelled stop the diagnosis, with words that say what they are.
 #[test]
-fn the_tankers_mislabelled_columns_are_told() {
+fn the_tankers_mislabelled_columns_are_reported() {
     let path = "cases/real/hsva-zigzag/HSVA_CPMC_KVLCC2_Z_20_05.dat";
     let Some(path) = input(path) else {
         return;

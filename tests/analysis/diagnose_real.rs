@@ -101,7 +101,7 @@ fn show(v: &Verdict) {
             a.log_evidence, a.probability, a.effects, a.held_out
         );
     }
-    for r in &v.ladder {
+    for r in &v.ablation {
         println!("  + {:?}: {:?} {:?}", r.effect, r.train, r.held_out);
     }
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
@@ -138,10 +138,10 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     );
     assert!(after < before / 3.0, "{before} {after}");
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
-    // A ladder is of what matters; beside a refitted linear and quadratic damping the cubic one is worth .5 mrad, below the
+    // A ablation is of what matters; beside a refitted linear and quadratic damping the cubic one is worth .5 mrad, below the
     // tolerance of 1.7.
     let mattering = v.effects.iter().filter(|e| e.matters).count();
-    assert_eq!(v.ladder.is_empty(), mattering < 2, "{:?}", v.ladder);
+    assert_eq!(v.ablation.is_empty(), mattering < 2, "{:?}", v.ablation);
     assert!(
         v.fit.held_out_by.contains("chose nothing"),
         "{}",
@@ -185,7 +185,7 @@ fn the_drive_lacks_friction_and_drag_that_depends_on_the_direction() {
     );
 }
 
-/// The recording as it comes from the tank, all in one log: at rest, pressed to one side, let go, two minutes and a half
+/// The recording as it comes from the tank, all in one log: at rest, pressed to one side, released, two minutes and a half
 /// of swinging. It is taken from where it swings freely, and its second and third quarter are predicted.
 #[test]
 #[ignore = "two minutes of processor time: tests/nightly"]
@@ -203,7 +203,7 @@ fn a_whole_decay_needs_no_windows() {
     show(&found.verdict);
     let v = &found.verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
-    // Restoring and one damping that grows faster than the rate: a set of many that fits to the noise foretells worse.
+    // Restoring and one damping that grows faster than the rate: a set of many that fits to the noise predicts worse.
     assert!(v.effects.iter().all(|e| e.matters), "{}", v.sentence);
     let mut heavy: Vec<&str> = v.effects.iter().map(|e| e.effect.as_str()).collect();
     heavy.sort_unstable();

@@ -140,7 +140,7 @@ fn a_bollard_pull_goes_into_a_rig_and_cures_the_thrust_scale() {
     let (plain, cured) = (with("lshpi"), with(written.to_str().unwrap()));
     let blind = |found: &Value| found["blind_spots"].to_string().contains("thrust_scale");
     assert!(blind(&plain) && !blind(&cured));
-    // A tenth less thrust for the same motion: a tenth less mass and drag, and the curve's own doubt in the interval.
+    // A tenth less thrust for the same motion: a tenth less mass and drag, and the curve's own uncertainty in the interval.
     let number = |found: &Value, what: &str| found["parameters"]["x_uu"][what].as_f64().unwrap();
     let [wanted, value, sd] = [
         0.9 * number(&plain, "value"),
@@ -436,7 +436,7 @@ fn a_fit_goes_into_a_rig_with_its_sd_and_predict_uses_it() {
 #[test]
 fn what_the_runs_do_not_determine_is_not_written_into_a_rig() {
     let dir = tempfile::tempdir().unwrap();
-    // So weak a push that the quadratic term cannot be told.
+    // So weak a push that the quadratic term cannot be found.
     let plan = dir.path().join("weak.toml");
     std::fs::write(
         &plan,
@@ -476,7 +476,7 @@ fn what_the_runs_do_not_determine_is_not_written_into_a_rig() {
         rig.vehicle.coefficients[0].quadratic,
         before.vehicle.coefficients[0].quadratic
     );
-    // The rig's value, with all the doubt that the runs leave in it: predict makes its band of that too.
+    // The rig's value, with all the uncertainty that the runs leave in it: predict makes its band of that too.
     let known = rig.identified.unwrap();
     let i = known.coefficients.iter().position(|k| k == "x_uu").unwrap();
     let value = before.vehicle.coefficients[0].quadratic;

@@ -86,7 +86,7 @@ fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
         // No further than the noise of a sample, and much nearer than unconditioned values.
         assert!(near_m < WHITE.position_m, "{near_m}");
         assert!(near_m < 0.2 * far_m, "{near_m} {far_m}");
-        // The doubt about what is kept is in the file too, and in the others' sds.
+        // The uncertainty of what is kept is in the file too, and in the others' sds.
         let known = written.identified.unwrap();
         let row = |key: &str| known.coefficients.iter().position(|k| k == key).unwrap();
         let (u, uu) = (row("x_u"), row("x_uu"));
@@ -133,7 +133,7 @@ fn what_a_fit_held_is_written_with_its_rows_of_the_covariance() {
             );
         }
     }
-    // Held again, it is as doubtful as the file says, not as large as it is.
+    // Held again, it is as uncertain as the file says, not as large as it is.
     let sure = written_with_sd(&rig, "x_uu", 4.0);
     let run = simulated(&rig.vehicle, "weak", &weak, 12.0, WHITE, 3);
     let again = identify(&[run], &sure, &options).unwrap();
@@ -558,7 +558,7 @@ fn what_is_held_at_a_zero_of_the_rig_is_not_taken_as_known() {
     let mut rig = decoupled();
     let truth = rig.vehicle.clone();
     rig.vehicle.coefficients[0].quadratic = 0.0;
-    // So slow that the quadratic term cannot be told, but biases the linear one.
+    // So slow that the quadratic term cannot be found, but biases the linear one.
     let slow = [
         (0.0, surge(0.05)),
         (14.0, surge(-0.04)),
@@ -646,14 +646,14 @@ fn intervals_are_as_wide_as_the_sd_that_logs_say_where_samples_scatter_less() {
     };
     // They scatter by 1.7 of what they say.
     let runs = uneven_runs(&rig.vehicle, 3);
-    let mut doubtful = runs.clone();
-    for sample in doubtful.iter_mut().flat_map(|r| &mut r.samples) {
+    let mut noisy = runs.clone();
+    for sample in noisy.iter_mut().flat_map(|r| &mut r.samples) {
         for variance in sample.covariance.iter_mut().flat_map(|c| c.iter_mut()) {
             *variance *= 3.4 * 3.4;
         }
     }
     let found = identify(&runs, &rig, &options).unwrap();
-    let wider = identify(&doubtful, &rig, &options).unwrap();
+    let wider = identify(&noisy, &rig, &options).unwrap();
     for (key, p) in &found.parameters {
         let more = wider.parameters[key].sd.unwrap() / p.sd.unwrap();
         assert!((more / 2.0 - 1.0).abs() < 0.2, "{key}: {more}");

@@ -286,7 +286,7 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
 }
 
 #[test]
-fn a_start_on_its_bound_is_told() {
+fn a_start_on_its_bound_is_reported() {
     let rig = decoupled();
     let mut run = free_motion(&rig.vehicle, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 1.2);
     // The first quarter of a swing, ten times what a heel of 0.3 rad makes: no sine is 3.

@@ -203,7 +203,7 @@ const ASKED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 /// sampled three times per pixel and then blurred from pixel to pixel: the blur on the grid is found and fitted (share
 /// 1.0 of it), but what an edge leaves over against its distance is a sawtooth of period 1/3 px, ± 0.03 px for edges
 /// aslant, ± 0.1 px for those along the columns, several rows alike. That is doubted by as much (`edges' doubt`, found from
-/// the frames themselves). With the thickness free the weak direction is told by nothing but how edges slope within
+/// the frames themselves). With the thickness free the weak direction is fixed by nothing but how edges slope within
 /// the stripe and feels a fiftieth of a pixel: x, z and θ stay up to 1.4 times above what is asked, 2.4 times the bound
 /// of frames with perfect edges. The weak direction lies along the heading, so at yaw it shows in y too: across the heading
 /// y is 0.04 mm. A run knows its sheet's thickness, and then what is asked is reached: the next test.

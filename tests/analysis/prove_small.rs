@@ -34,7 +34,7 @@ fn faults_of_the_data_are_said_to_be_that() {
 /// A drift that the log's clock records show is reported from them; one that only the motion shows
 /// is named as an effect.
 #[test]
-fn a_clock_that_drifts_is_told_from_the_records_or_else_from_the_motion() {
+fn a_clock_that_drifts_is_distinguished_from_the_records_or_else_from_the_motion() {
     let all = judged(1, &["fault-5", "fault-6"]);
     assert_eq!(passed(&all, "fault"), 2);
     assert!(
@@ -68,7 +68,7 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
     assert_eq!(passed(&all, "paper_split"), 1, "{}", all[0].sentence);
 }
 
-/// Was asked for too: a limit that does nothing beside the true effect is told apart from it, not "never fitted".
+/// Was asked for too: a limit that does nothing beside the true effect is distinguished from it, not "never fitted".
 #[test]
 fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
     let all = judged(1, &["paper-0"]);

@@ -1,5 +1,5 @@
 //! Stripes of `cases/images` (an independent renderer) against what the truth in each
-//! log predicts. The predictor here is written from geometry.md alone and shares no code with
+//! log predicts. The predictor here is written from theory/geometry.md alone and shares no code with
 //! the simulator.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -43,7 +43,7 @@ struct Pose {
     psi_rad: Option<f64>,
 }
 
-// Geometry of geometry.md.
+// The rig of theory/geometry.md.
 const L_LASER_M: f64 = 0.27;
 const L_CAMERA_M: f64 = 0.19;
 const H_CAMERA_M: f64 = 0.22;

@@ -234,7 +234,7 @@ fn a_drift_that_nobody_gave_is_not_known_to_be_none() {
     }
 }
 
-/// A latency is in an offset that was estimated from the motion, and may not be named; it is told from one that was
+/// A latency is in an offset that was estimated from the motion, and may not be named; it is distinguished from one that was
 /// measured.
 #[test]
 fn a_diagnosis_of_joined_logs_names_no_latency_that_the_offset_could_be() {

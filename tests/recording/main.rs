@@ -5,6 +5,7 @@
 mod architecture;
 mod attacks;
 mod calibrate_chain;
+mod citations;
 mod cli_build_info;
 mod cli_errors;
 mod flat;
@@ -27,6 +28,7 @@ mod simulate_light;
 mod simulate_reproducible;
 mod third_party;
 mod until_decided;
+mod words;
 
 #[path = "../support/http.rs"]
 mod http;

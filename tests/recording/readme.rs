@@ -1,4 +1,4 @@
-//! README and guide hold what they promise: their commands run as printed, outside a checkout, and print what the page says.
+//! README and guide hold what they state: their commands run as printed, outside a checkout, and print what the page says.
 //!
 //! A page marks its blocks ([`blocks`]); a chapter of the guide joins by marking its own and by a test of three lines here.
 
@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 /// Longest README \[lines\].
-const README_LINES: usize = 200;
+const README_LINES: usize = 150;
 
 /// A person looks, and ends it.
 const NO_HANDS: Substitution = Substitution {
@@ -66,12 +66,14 @@ fn bring_readings(folder: &Path) {
 
 /// Every page: README and the chapters.
 fn pages() -> Vec<String> {
-    let guide = session::root().join("src/guide");
-    let mut pages: Vec<String> = std::fs::read_dir(guide)
-        .unwrap()
-        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-        .filter(|name| name.ends_with(".md"))
-        .map(|name| format!("src/guide/{name}"))
+    let mut pages: Vec<String> = ["src/guide", "src/guide/theory", "src/guide/reference"]
+        .into_iter()
+        .flat_map(|folder| {
+            let all = std::fs::read_dir(session::root().join(folder)).unwrap();
+            all.map(move |entry| (folder, entry.unwrap().file_name().into_string().unwrap()))
+        })
+        .filter(|(_, name)| name.ends_with(".md"))
+        .map(|(folder, name)| format!("{folder}/{name}"))
         .collect();
     pages.push("README.md".to_owned());
     pages.sort();

@@ -20,7 +20,7 @@ fn plan_file(dir: &Path, text: &str) -> PathBuf {
     path
 }
 
-/// Whether any thruster was told to push.
+/// Whether any thruster was commanded to push.
 fn moved(records: &[Record]) -> bool {
     let pushes = |r: &Record| matches!(r, Record::Command(c) if c.pulse_us != 1500.0);
     records.iter().any(pushes)
@@ -414,12 +414,12 @@ fn space_among_other_keys_brings_neutral_and_the_recording_goes_on_until_q() {
     let stopped = sets.iter().rposition(|p| *p > 1500.0).unwrap();
     assert!(moved < stopped && stopped + 1 < sets.len());
     assert!(sets[stopped + 1..].iter().all(|p| *p == 1500.0));
-    let told = |word: &str| {
+    let reported = |word: &str| {
         records
             .iter()
             .any(|r| matches!(r, Record::Event(e) if e.kind == "thruster.neutral" && e.message.contains(word)))
     };
-    assert!(told("Space"));
+    assert!(reported("Space"));
 }
 
 #[test]
@@ -607,7 +607,7 @@ fn between_runs_the_way_to_the_start_is_shown_until_enter() {
     let mut said = Vec::new();
     for line in std::io::BufRead::lines(stderr) {
         let line = line.unwrap();
-        let there = line.contains("at the start: let go");
+        let there = line.contains("at the start: hands off");
         said.push(line);
         if there {
             let mut stdin = child.stdin.take().unwrap();

@@ -72,6 +72,9 @@ fn judge(dir: &Path, log: &Path, killed_ns: u64) -> Lost {
         .status()
         .unwrap();
     assert!(matches!(status.code(), Some(0 | 3)), "{status}");
+    let doctor = hydroline().arg("doctor").arg(&mended).output().unwrap();
+    let found = String::from_utf8_lossy(&doctor.stdout);
+    assert!(!found.contains("ERROR"), "what is left is sound: {found}");
     assert_eq!(
         std::fs::read(log).unwrap(),
         before,

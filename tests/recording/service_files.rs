@@ -1,4 +1,4 @@
-//! The files for systemd and udev that ship: what they promise, and what systemd says of them.
+//! The files for systemd and udev that ship: what they guarantee, and what systemd says of them.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -106,9 +106,9 @@ fn rolling_shutter_and_interlace_reach_the_images() {
         "[[physics]]\neffect = \"rolling_shutter\"\nrow_time_s = 3.5e-5\n",
         "[[physics]]\neffect = \"interlace\"\nfield_s = 0.02\n",
     ] {
-        let bent = with(&physics[20..30], physics);
-        assert_eq!(plain.1, bent.1, "{physics}");
-        assert_eq!(plain.0.len(), bent.0.len());
-        assert_ne!(plain.0.last(), bent.0.last(), "{physics}");
+        let changed = with(&physics[20..30], physics);
+        assert_eq!(plain.1, changed.1, "{physics}");
+        assert_eq!(plain.0.len(), changed.0.len());
+        assert_ne!(plain.0.last(), changed.0.last(), "{physics}");
     }
 }

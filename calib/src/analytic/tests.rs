@@ -99,13 +99,13 @@ fn pixels_per_millimetre() {
         assert_eq!((j[(1, 0)], j[(0, 1)]), (0.0, 0.0));
         (1e-3 / j[(0, 0)].abs(), 1e-3 / j[(1, 1)].abs())
     };
-    // With the 36 deg that geometry.md chose ...
+    // With the 36 deg that the built-in rig has (theory/geometry.md, camera) ...
     let (xi, eta) = at(36.0);
     assert!(
         (xi - 1.3626).abs() < 1e-4 && (eta - 0.9635).abs() < 1e-4,
         "{xi} {eta}"
     );
-    // ... while its 0.80 (and the notes' 1.14 in xi) belong together at about 42.5 deg.
+    // ... while 0.80 px/mm in eta and 1.14 in xi belong together, at about 42.5 deg.
     let (xi, eta) = at(42.5);
     assert!(
         (xi - 1.14).abs() < 0.005 && (eta - 0.80).abs() < 0.005,

@@ -81,7 +81,7 @@ fn look(board: &Board, view: &View, scene: &Scene) -> Result<Detection, NotFound
     )
 }
 
-/// The limit of 0.05 px at noise σ 2, over normals 0 to 60° off the axis.
+/// The limit of 0.05 px at noise σ 2, over normals 0 to 60° off the axis.
 #[test]
 fn nodes_are_good_to_a_twentieth_of_a_pixel() {
     for pattern in PATTERNS {

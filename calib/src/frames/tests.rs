@@ -82,7 +82,7 @@ proptest! {
         prop_assert!((tank.z + height).abs() < 1e-12 * (1.0 + eta.abs()));
     }
 
-    /// Paper Eq. 4: tan phi = (eta_B - eta_A) / (xi_A - xi_B), and the level of geometry.md.
+    /// Paper Eq. 4: tan phi = (eta_B - eta_A) / (xi_A - xi_B), and the level of theory/geometry.md, laser plane.
     #[test]
     fn equation_4(phi in -0.6..0.6, height in 0.3f64..1.2) {
         let mounts = table_2();
@@ -149,7 +149,7 @@ fn no_level_line_when_the_sheet_points_away() {
     }
 }
 
-/// geometry.md: the optical axis meets the laser plane exactly at eta = 0.
+/// theory/geometry.md, camera: the optical axis meets the laser plane exactly at eta = 0.
 #[test]
 fn optical_axis_meets_the_sheet_at_eta_zero() {
     let mounts = table_2();

@@ -6,7 +6,7 @@ use super::{Case, LOW_ETA_M, nodes, row};
 use crate::map::geometry::{apply, homography};
 use crate::map::{MapError, Method};
 
-/// The limit that the issue sets for nodes good to 0.2 px \[mm\].
+/// The limit asked of nodes good to 0.2 px \[mm\].
 pub const LIMIT_MM: f64 = 0.2;
 
 /// Largest errors in ξ or η over the sheet, one per seed.

@@ -30,7 +30,7 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// The rig of the notes: 0.46 m above and behind, ±20° in water, port 30 mm ahead of
+    /// A rig behind a flat port: 0.46 m above and behind, ±20° in water, port 30 mm ahead of
     /// the pupil, 10 mm acrylic, fresh water, k₁ = −0.15, k₂ = 0.03.
     pub fn behind_port() -> Self {
         // 288 rows at 20° in water: sin t_a = 1.333 sin 20°.

@@ -14,8 +14,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     // Its numbers are the vehicle's own masses.
     parameters: &[],
     words: &[],
-    kin: &["cross_flow_coupling", "thrust_line_offset"],
-    source: "physics.md, hydrodynamics; paper Eq. 1; Fossen 2011, 6.3",
+    confusable: &["cross_flow_coupling", "thrust_line_offset"],
+    source: "theory/physics.md, hydrodynamics; paper Eq. 1; Fossen 2011, 6.3",
 };
 
 #[derive(Debug)]

@@ -18,8 +18,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.3,
     )],
     words: &[DOF],
-    kin: &["battery_sag", "linear_damping", "quadratic_damping"],
-    source: "physics.md, thruster stage; Fossen 2011, 12.2 (thrust falls with the advance speed)",
+    confusable: &["battery_sag", "linear_damping", "quadratic_damping"],
+    source: "theory/physics.md, thruster stage; Fossen 2011, 12.2 (thrust falls with the advance speed)",
 };
 
 #[derive(Debug)]
@@ -37,7 +37,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 
 impl<T: Real> Law<T> for Loss<T> {
     fn thrust(&self, m: &Moment<'_, T>, wrench: &mut [T; 6], _own: &[T], _rate: &mut [T]) {
-        // Factors are clamped at >= 0 (physics.md).
+        // Factors are clamped at >= 0 (theory/physics.md, thruster stage).
         let factor = (T::one() - self.loss_spm * m.nu[self.dof].abs()).max(T::zero());
         wrench[self.dof] = wrench[self.dof] * factor;
     }

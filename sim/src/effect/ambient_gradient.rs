@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["lens_shading", "mains_banding"],
+    confusable: &["lens_shading", "mains_banding"],
     source: "first order of any light that is not the laser's; camera.noise.ambient is its constant part",
 };
 

@@ -18,8 +18,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.3,
     )],
     words: &[DOF],
-    kin: &["quadratic_damping", "thrust_asymmetry"],
-    source: "physics.md, hydrodynamics",
+    confusable: &["quadratic_damping", "thrust_asymmetry"],
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

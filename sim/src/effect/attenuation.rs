@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.3,
     )],
     words: &[],
-    kin: &["backscatter_haze", "image_saturation", "speckle"],
-    source: "physics.md, measurement; Beer-Lambert law",
+    confusable: &["backscatter_haze", "image_saturation", "speckle"],
+    source: "theory/physics.md, measurement; Beer-Lambert law",
 };
 
 #[derive(Debug)]

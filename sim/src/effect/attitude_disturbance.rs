@@ -1,4 +1,4 @@
-//! `attitude_disturbance`: the vehicle wobbles in an axis that the one-DOF formulas assume to be still.
+//! `attitude_disturbance`: the vehicle oscillates in an axis that the one-DOF formulas assume to be still.
 
 use std::f64::consts::{PI, TAU};
 
@@ -36,8 +36,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["roll", "pitch", "yaw"],
         absent: Some("pitch"),
     }],
-    kin: &["floor_slope", "thrust_line_offset"],
-    source: "physics.md, measurement; paper Tables 4 and 5",
+    confusable: &["floor_slope", "thrust_line_offset"],
+    source: "theory/physics.md, measurement; paper Tables 4 and 5",
 };
 
 #[derive(Debug)]
@@ -59,8 +59,8 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 
 impl<T: Real> Law<T> for Disturbance<T> {
     fn scene_pose(&self, t_s: T, pose: &mut [T; 6]) {
-        let wobble = self.amp_rad * (self.rate_radps * t_s + self.phase_rad).sin();
-        pose[self.dof] = pose[self.dof] + wobble;
+        let offset_rad = self.amp_rad * (self.rate_radps * t_s + self.phase_rad).sin();
+        pose[self.dof] = pose[self.dof] + offset_rad;
     }
 }
 
@@ -69,7 +69,7 @@ mod tests {
     use crate::effect::testing::*;
 
     #[test]
-    fn the_camera_looks_from_the_wobbling_pose() {
+    fn the_camera_looks_from_the_oscillating_pose() {
         let pitch = entry(
             "attitude_disturbance",
             &[("amp_rad", 0.01), ("period_s", 4.0)],

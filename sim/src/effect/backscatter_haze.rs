@@ -27,13 +27,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &[
+    confusable: &[
         "attenuation",
         "board_offset",
         "camera_shift",
         "image_saturation",
     ],
-    source: "physics.md, measurement; notes (stripe extraction under one-sided haze)",
+    source: "theory/physics.md, measurement; theory/noise.md, rows of the stripe",
 };
 
 #[derive(Debug)]
@@ -91,7 +91,7 @@ mod tests {
         assert!(near < 0.02 * sum, "{near} of {sum} on the near side");
     }
 
-    /// physics.md: -0.08 px at 5 % for a stripe finder of the stripe's own width.
+    /// theory/physics.md, measurement: -0.08 px at 5 % for a stripe finder of the stripe's own width.
     #[test]
     fn it_pulls_the_stripes_centre_up_by_a_tenth_of_a_pixel() {
         let haze = [entry(

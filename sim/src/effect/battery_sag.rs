@@ -18,8 +18,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.04,
     )],
     words: &[DOF],
-    kin: &["advance_loss", "tether_spring", "thrust_scale"],
-    source: "physics.md, thruster stage",
+    confusable: &["advance_loss", "tether_spring", "thrust_scale"],
+    source: "theory/physics.md, thruster stage",
 };
 
 #[derive(Debug)]
@@ -44,7 +44,7 @@ impl<T: Real> Law<T> for Sag<T> {
     }
 
     fn thrust(&self, _m: &Moment<'_, T>, wrench: &mut [T; 6], own: &[T], rate: &mut [T]) {
-        // Factors are clamped at >= 0 (physics.md).
+        // Factors are clamped at >= 0 (theory/physics.md, thruster stage).
         let factor = (T::one() - self.sag * own[0]).max(T::zero());
         wrench[self.dof] = wrench[self.dof] * factor;
         rate[0] = wrench[self.dof].abs() * (1.0 / UNIT_NS);

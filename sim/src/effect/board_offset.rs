@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.001,
     )],
     words: &[],
-    kin: &["backscatter_haze", "camera_shift", "laser_plane_tilt"],
-    source: "physics.md, measurement",
+    confusable: &["backscatter_haze", "camera_shift", "laser_plane_tilt"],
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]
@@ -39,7 +39,7 @@ impl<T: Real> Law<T> for Offset<T> {
 mod tests {
     use crate::effect::testing::*;
 
-    /// 1 mm of offset reads as 0.5 .. 1.6 mm in eta (physics.md): here by the rig's own map.
+    /// 1 mm of offset reads as 0.5 .. 1.6 mm in eta (theory/physics.md, measurement): here by the rig's own map.
     #[test]
     fn a_millimetre_reads_as_one_in_eta() {
         let (_, seen) = stripe_rows(&[entry("board_offset", &[("offset_m", 0.001)])], 0.78);

@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.04,
     )],
     words: &[],
-    kin: &[
+    confusable: &[
         "clock_drift",
         "command_latency",
         "fluid_memory",
@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "rolling_shutter",
         "thruster_lag",
     ],
-    source: "physics.md, timing",
+    source: "theory/physics.md, timing",
 };
 
 #[derive(Debug)]

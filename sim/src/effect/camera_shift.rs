@@ -31,7 +31,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ParameterInfo::new("dz_m", "m", "down", (-0.01, 0.01), (-0.5, 0.5), -0.001).or(0.0),
     ],
     words: &[],
-    kin: &[
+    confusable: &[
         "backscatter_haze",
         "board_offset",
         "floor_slope",
@@ -40,7 +40,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "refraction",
         "rolling_shutter",
     ],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

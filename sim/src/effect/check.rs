@@ -15,7 +15,7 @@ pub struct Trend {
     pub parameter: usize,
     /// Its value where the effect is not there: that stays, whatever the share.
     pub nothing: f64,
-    /// Place in [`super::along::COVARIATES`].
+    /// Place in [`super::covariate_table::COVARIATES`].
     pub along: usize,
     /// Covariate at the first and the last point.
     pub range: (f64, f64),

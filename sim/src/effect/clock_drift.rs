@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         500.0,
     )],
     words: &[],
-    kin: &["camera_latency", "position_scale"],
-    source: "physics.md, timing; a BlueROV log: 308-861 ppm",
+    confusable: &["camera_latency", "position_scale"],
+    source: "theory/physics.md, timing; a BlueROV log: 308-861 ppm",
 };
 
 #[derive(Debug)]

@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.08,
     )],
     words: &[],
-    kin: &["camera_latency", "fluid_memory", "thruster_lag"],
-    source: "physics.md, timing",
+    confusable: &["camera_latency", "fluid_memory", "thruster_lag"],
+    source: "theory/physics.md, timing",
 };
 
 #[derive(Debug)]

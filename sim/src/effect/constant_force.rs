@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.2,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "coulomb_friction",
         "current",
         "seiche",
@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "thruster_deadband",
         "thruster_saturation",
     ],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

@@ -19,14 +19,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.2,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "current",
         "linear_damping",
         "thruster_deadband",
         "thruster_saturation",
     ],
-    source: "physics.md, hydrodynamics",
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

@@ -37,8 +37,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             absent: Some("r"),
         },
     ],
-    kin: &["added_mass_coupling", "lift_damping", "fin_force"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 6.4 (cross-flow drag)",
+    confusable: &["added_mass_coupling", "lift_damping", "fin_force"],
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 6.4 (cross-flow drag)",
 };
 
 #[derive(Debug)]

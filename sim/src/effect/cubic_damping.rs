@@ -18,8 +18,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         300.0,
     )],
     words: &[DOF],
-    kin: &["linear_damping", "nonlinear_restoring", "quadratic_damping"],
-    source: "physics.md, hydrodynamics",
+    confusable: &["linear_damping", "nonlinear_restoring", "quadratic_damping"],
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

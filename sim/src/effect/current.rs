@@ -28,7 +28,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         component("vy_mps", "velocity of the water along tank Y"),
     ],
     words: &[],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "linear_damping",
@@ -37,7 +37,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "thruster_deadband",
         "thruster_saturation",
     ],
-    source: "physics.md, hydrodynamics; Fossen 2011, 8.3 (irrotational current)",
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 8.3 (irrotational current)",
 };
 
 #[derive(Debug)]

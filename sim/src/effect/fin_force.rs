@@ -58,8 +58,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             absent: Some("rudder"),
         },
     ],
-    kin: &["cross_flow_coupling"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 9.5 (rudder forces); Ogawa and Kasai 1978 (MMG)",
+    confusable: &["cross_flow_coupling"],
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 9.5 (rudder forces); Ogawa and Kasai 1978 (MMG)",
 };
 
 #[derive(Debug)]

@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.005,
     )],
     words: &[],
-    kin: &["attitude_disturbance", "camera_shift", "laser_plane_tilt"],
-    source: "physics.md, measurement",
+    confusable: &["attitude_disturbance", "camera_shift", "laser_plane_tilt"],
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -29,13 +29,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "camera_latency",
         "command_latency",
         "thruster_lag",
         "wall_added_mass",
     ],
-    source: "physics.md, hydrodynamics; Cummins 1962, with one exponential",
+    source: "theory/physics.md, hydrodynamics; Cummins 1962, with one exponential",
 };
 
 #[derive(Debug)]

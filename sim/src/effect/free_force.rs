@@ -1,6 +1,6 @@
 //! `free_force`: a force written down from data, as a table over one covariate.
 
-use super::along::{COVARIATES, covariate, interpolated};
+use super::covariate_table::{COVARIATES, covariate, interpolated};
 use super::info::DOF;
 use super::{EffectInfo, Law, Moment, ParameterInfo, Stage, Values, WordInfo};
 use crate::real::Real;
@@ -89,8 +89,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             absent: Some("x"),
         },
     ],
-    kin: &[],
-    source: "physics.md, hydrodynamics: a force that had no name; Catmull and Rom 1974",
+    confusable: &[],
+    source: "theory/physics.md, hydrodynamics: a force that had no name; Catmull and Rom 1974",
 };
 
 #[derive(Debug)]

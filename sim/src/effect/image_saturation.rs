@@ -17,14 +17,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         140.0,
     )],
     words: &[],
-    kin: &[
+    confusable: &[
         "attenuation",
         "backscatter_haze",
         "range_clipping",
         "speckle",
         "tone_curve",
     ],
-    source: "physics.md, measurement",
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -118,7 +118,7 @@ pub struct WordInfo {
     pub absent: Option<&'static str>,
 }
 
-/// One effect of the vocabulary.
+/// One effect of the library.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectInfo {
     /// Id, as in `[[physics]] effect = "..."` and in verdicts.
@@ -134,7 +134,7 @@ pub struct EffectInfo {
     /// Words.
     pub words: &'static [WordInfo],
     /// Ids it can be mistaken for.
-    pub kin: &'static [&'static str],
+    pub confusable: &'static [&'static str],
     /// Where the law is from.
     pub source: &'static str,
 }

@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.02,
     )],
     words: &[],
-    kin: &["camera_latency", "rolling_shutter"],
-    source: "physics.md, timing; ITU-R BT.470 (PAL: 50 fields per second)",
+    confusable: &["camera_latency", "rolling_shutter"],
+    source: "theory/physics.md, timing; ITU-R BT.470 (PAL: 50 fields per second)",
 };
 
 #[derive(Debug)]

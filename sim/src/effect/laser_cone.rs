@@ -28,8 +28,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(1.333),
     ],
     words: &[],
-    kin: &["laser_plane_tilt", "lens_distortion"],
-    source: "physics.md, measurement; Snell's law for every ray of a plane fan (an elliptic cone: Castillon et al. 2022)",
+    confusable: &["laser_plane_tilt", "lens_distortion"],
+    source: "theory/physics.md, measurement; Snell's law for every ray of a plane fan (an elliptic cone: Castillon et al. 2022)",
 };
 
 #[derive(Debug)]
@@ -56,7 +56,7 @@ impl<T: Real> Law<T> for Cone<T> {
 mod tests {
     use crate::effect::testing::*;
 
-    /// Every ray of the fan by Snell's law at the port: the bent sheet passes through it.
+    /// Every ray of the fan by Snell's law at the port: the refracted sheet passes through it.
     #[test]
     fn rays_of_a_tilted_fan_lie_on_it() {
         let (tilt, n) = (0.0873f64, 1.333);

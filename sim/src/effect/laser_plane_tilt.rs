@@ -29,8 +29,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["board_offset", "camera_shift", "floor_slope", "laser_cone"],
-    source: "physics.md, measurement",
+    confusable: &["board_offset", "camera_shift", "floor_slope", "laser_cone"],
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! `lens_distortion`: the lens bends what the rig takes for straight.
+//! `lens_distortion`: the lens distorts what the rig takes for straight.
 
 use super::{EffectInfo, Law, Optics, ParameterInfo, Stage, Values};
 use crate::real::Real;
@@ -31,8 +31,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ParameterInfo::new("p2", "1", "tangential", (-0.01, 0.01), (-0.2, 0.2), -0.0005).or(0.0),
     ],
     words: &[],
-    kin: &["camera_shift", "laser_cone", "refraction"],
-    source: "physics.md, measurement; Brown 1971",
+    confusable: &["camera_shift", "laser_cone", "refraction"],
+    source: "theory/physics.md, measurement; Brown 1971",
 };
 
 #[derive(Debug)]
@@ -57,11 +57,11 @@ mod tests {
     fn the_stripe_moves_by_browns_law() {
         let (k1, k2, p1) = (-0.1, 0.02, 0.003);
         let lens = [("k1", k1), ("k2", k2), ("p1", p1), ("p2", 0.0)];
-        let (plain, bent) = stripe_rows(&[entry("lens_distortion", &lens)], 0.78);
+        let (plain, changed) = stripe_rows(&[entry("lens_distortion", &lens)], 0.78);
         let y = (plain.row_px - plain.centre_px) / plain.focal_px;
         let r2 = y * y;
         let distorted = y * (1.0 + k1 * r2 + k2 * r2 * r2) + 3.0 * p1 * r2;
-        let seen = (bent.row_px - bent.centre_px) / bent.focal_px;
+        let seen = (changed.row_px - changed.centre_px) / changed.focal_px;
         assert!((seen - distorted).abs() < 1e-12, "{seen} {distorted}");
     }
 }

@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.15,
     )],
     words: &[],
-    kin: &["ambient_gradient", "line_profile"],
+    confusable: &["ambient_gradient", "line_profile"],
     source: "vignetting and cos^4 falling off of a lens to second order; EMVA Standard 1288, 4.0 (photo response nonuniformity, low frequencies)",
 };
 

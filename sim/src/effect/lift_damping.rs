@@ -23,8 +23,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         absent: Some("roll"),
         ..DOF
     }],
-    kin: &["cross_flow_coupling", "linear_damping"],
-    source: "physics.md, hydrodynamics; Ikeda 1978 (lift component of roll damping)",
+    confusable: &["cross_flow_coupling", "linear_damping"],
+    source: "theory/physics.md, hydrodynamics; Ikeda 1978 (lift component of roll damping)",
 };
 
 #[derive(Debug)]

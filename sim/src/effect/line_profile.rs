@@ -29,7 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["lens_shading"],
+    confusable: &["lens_shading"],
     source: "line optics of laser modules: a Powell lens leaves some 10-20 % over the fan, a cylinder lens a Gaussian's fall",
 };
 

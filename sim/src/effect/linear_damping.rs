@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         -10.0,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "advance_loss",
         "coulomb_friction",
         "cubic_damping",
@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "lift_damping",
         "quadratic_damping",
     ],
-    source: "physics.md, hydrodynamics; paper Eq. 1 (X_u)",
+    source: "theory/physics.md, hydrodynamics; paper Eq. 1 (X_u)",
 };
 
 #[derive(Debug)]

@@ -45,7 +45,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["ambient_gradient"],
+    confusable: &["ambient_gradient"],
     source: "CMOS sensors with an electronic rolling shutter under lamps on the mains: light follows the square of the voltage",
 };
 

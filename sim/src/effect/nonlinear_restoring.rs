@@ -23,8 +23,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["roll", "pitch"],
         absent: Some("roll"),
     }],
-    kin: &["cubic_damping", "quadratic_damping"],
-    source: "physics.md, hydrodynamics",
+    confusable: &["cubic_damping", "quadratic_damping"],
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

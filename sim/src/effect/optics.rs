@@ -42,7 +42,7 @@ pub struct Optics<T = f64> {
     pub n_water: T,
     /// Sine of the fan's tilt from the normal of the laser's port; 0 = a flat sheet.
     pub cone_sin: T,
-    /// Refractive index that bends the sheet.
+    /// Refractive index that refracts the sheet.
     pub cone_n_water: T,
     /// Haze beyond the sheet over the stripe's peak.
     pub haze_fraction: T,

@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.01,
     )],
     words: &[],
-    kin: &["clock_drift", "target_scale", "thrust_scale"],
-    source: "physics.md, measurement (a blind spot in motion-only logs)",
+    confusable: &["clock_drift", "target_scale", "thrust_scale"],
+    source: "theory/physics.md, measurement (not identifiable in motion-only logs)",
 };
 
 #[derive(Debug)]

@@ -18,14 +18,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         -50.0,
     )],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "advance_loss",
         "astern_drag",
         "cubic_damping",
         "linear_damping",
         "nonlinear_restoring",
     ],
-    source: "physics.md, hydrodynamics; paper Eq. 1 (X_u|u|)",
+    source: "theory/physics.md, hydrodynamics; paper Eq. 1 (X_u|u|)",
 };
 
 #[derive(Debug)]

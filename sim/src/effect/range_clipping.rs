@@ -34,7 +34,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["clip", "scale"],
         absent: Some("clip"),
     }],
-    kin: &["image_saturation", "tone_curve"],
+    confusable: &["image_saturation", "tone_curve"],
     source: "ITU-R BT.601: 16 to 235 of 8 bits",
 };
 

@@ -27,8 +27,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["camera_shift", "lens_distortion", "target_scale"],
-    source: "physics.md, measurement; Treibitz et al. 2012 (flat refractive geometry), glass of no thickness",
+    confusable: &["camera_shift", "lens_distortion", "target_scale"],
+    source: "theory/physics.md, measurement; Treibitz et al. 2012 (flat refractive geometry), glass of no thickness",
 };
 
 #[derive(Debug)]
@@ -60,7 +60,7 @@ mod tests {
     fn the_stripe_moves_by_snells_law() {
         let (n, d) = (1.333, 0.02);
         // Level over a bare floor at H = h_centre + 0.1: the stripe's middle column, in closed form.
-        let (plain, bent) = stripe_rows(
+        let (plain, changed) = stripe_rows(
             &[entry("refraction", &[("n_water", n), ("port_m", d)])],
             0.78,
         );
@@ -72,9 +72,9 @@ mod tests {
         );
         let focal = plain.focal_px;
         assert!((plain.row_px - plain.centre_px - focal * y / z).abs() < 1e-9);
-        let angle = ((bent.row_px - bent.centre_px) / focal).atan();
+        let angle = ((changed.row_px - changed.centre_px) / focal).atan();
         let reached = d * angle.tan() + (z - d) * (angle.sin() / n).asin().tan();
         assert!((reached - y).abs() < 1e-9, "{reached} {y}");
-        assert!((bent.row_px - plain.row_px).abs() > 10.0);
+        assert!((changed.row_px - plain.row_px).abs() > 10.0);
     }
 }

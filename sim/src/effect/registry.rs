@@ -5,7 +5,7 @@ use crate::real::Real;
 
 macro_rules! registry {
     ($($module:ident),+ $(,)?) => {
-        /// Every effect of the vocabulary, in registry order.
+        /// Every effect of the library, in registry order.
         pub const ALL: &[&EffectInfo] = &[$(&super::$module::INFO),+];
 
         /// The law of an effect in the scalar `T`; `None` only for an info that is not in [`ALL`].

@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         25e-6,
     )],
     words: &[],
-    kin: &["camera_latency", "camera_shift", "interlace"],
-    source: "physics.md, timing; CMOS sensors with an electronic rolling shutter",
+    confusable: &["camera_latency", "camera_shift", "interlace"],
+    source: "theory/physics.md, timing; CMOS sensors with an electronic rolling shutter",
 };
 
 #[derive(Debug)]

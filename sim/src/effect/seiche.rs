@@ -39,8 +39,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         .or(0.0),
     ],
     words: &[],
-    kin: &["constant_force", "current"],
-    source: "physics.md, hydrodynamics; Fossen 2011, 8.3 (relative motion in an accelerated fluid)",
+    confusable: &["constant_force", "current"],
+    source: "theory/physics.md, hydrodynamics; Fossen 2011, 8.3 (relative motion in an accelerated fluid)",
 };
 
 #[derive(Debug)]

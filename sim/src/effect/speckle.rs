@@ -27,8 +27,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["attenuation", "image_saturation"],
-    source: "physics.md, measurement; Goodman 2007, Speckle Phenomena in Optics, 4.3 (integrated speckle)",
+    confusable: &["attenuation", "image_saturation"],
+    source: "theory/physics.md, measurement; Goodman 2007, Speckle Phenomena in Optics, 4.3 (integrated speckle)",
 };
 
 #[derive(Debug)]

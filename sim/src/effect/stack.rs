@@ -1,6 +1,6 @@
 //! The effects that are switched on, in the order they act.
 
-use super::along::{covariate, interpolated};
+use super::covariate_table::{covariate, interpolated};
 use super::{
     CheckedEffect, EffectError, EffectInfo, Law, Moment, Optics, Stage, Values, check, registry,
 };
@@ -13,7 +13,7 @@ struct Member<T: Real> {
     info: &'static EffectInfo,
     law: Box<dyn Law<T>>,
     /// Where one of its numbers depends on a covariate.
-    bent: Option<Bent<T>>,
+    state_dependent: Option<StateDependent<T>>,
     /// Its index among the effects given.
     given: usize,
     /// Its slice of the own states.
@@ -25,7 +25,7 @@ struct Member<T: Real> {
 
 /// An effect one number of which depends on where the motion is: its law is made anew wherever it is asked.
 #[derive(Debug)]
-struct Bent<T> {
+struct StateDependent<T> {
     numbers: Vec<T>,
     words: Vec<usize>,
     parameter: usize,
@@ -36,7 +36,7 @@ struct Bent<T> {
     shares: Vec<T>,
 }
 
-impl<T: Real> Bent<T> {
+impl<T: Real> StateDependent<T> {
     fn law(&self, info: &'static EffectInfo, m: &Moment<'_, T>) -> Option<Box<dyn Law<T>>> {
         let at = covariate(m, self.along, self.dof);
         let share = interpolated(&self.shares, self.range, at);
@@ -56,8 +56,11 @@ impl<T: Real> Bent<T> {
 impl<T: Real> Member<T> {
     /// Asks its law as it is here.
     fn here<R>(&self, m: &Moment<'_, T>, ask: impl FnOnce(&dyn Law<T>) -> R) -> R {
-        let bent = self.bent.as_ref().and_then(|b| b.law(self.info, m));
-        match bent {
+        let state_dependent = self
+            .state_dependent
+            .as_ref()
+            .and_then(|b| b.law(self.info, m));
+        match state_dependent {
             Some(law) => ask(&*law),
             None => ask(&*self.law),
         }
@@ -124,7 +127,7 @@ impl<T: Real> EffectStack<T> {
                 .enumerate()
                 .map(|(p, &value)| lift(e, p, value))
                 .collect();
-            let bent = effect.trend.as_ref().map(|t| Bent {
+            let state_dependent = effect.trend.as_ref().map(|t| StateDependent {
                 words: effect.words.clone(),
                 parameter: t.parameter,
                 nothing: t.nothing,
@@ -141,7 +144,7 @@ impl<T: Real> EffectStack<T> {
             members.push(Member {
                 info: effect.info,
                 law,
-                bent,
+                state_dependent,
                 given: e,
                 first: 0,
                 last: 0,

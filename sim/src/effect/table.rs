@@ -1,16 +1,16 @@
-//! The vocabulary as a table, from the registry alone.
+//! The library as a table, from the registry alone.
 
 use std::fmt::Write;
 
 use super::{ALL, EffectInfo};
 
-/// All effects as a Markdown table: id, stage, law, parameters (unit; plausible range), kin.
+/// All effects as a Markdown table: id, stage, law, parameters (unit; plausible range), confusable.
 pub fn markdown_table() -> String {
     let mut text = String::from(
         "| effect | stage | law | parameters | mistaken for |\n|---|---|---|---|---|\n",
     );
     for info in ALL {
-        let kin: Vec<String> = info.kin.iter().map(|k| format!("`{k}`")).collect();
+        let confusable: Vec<String> = info.confusable.iter().map(|k| format!("`{k}`")).collect();
         let _ = writeln!(
             text,
             "| `{}` | {} | {} | {} | {} |",
@@ -19,7 +19,7 @@ pub fn markdown_table() -> String {
             // A bar would end the cell.
             info.law.replace('|', "\\|"),
             parameters(info),
-            kin.join(", ")
+            confusable.join(", ")
         );
     }
     text

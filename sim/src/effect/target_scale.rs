@@ -17,8 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.01,
     )],
     words: &[],
-    kin: &["position_scale", "refraction"],
-    source: "physics.md, measurement",
+    confusable: &["position_scale", "refraction"],
+    source: "theory/physics.md, measurement",
 };
 
 #[derive(Debug)]

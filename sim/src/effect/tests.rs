@@ -98,8 +98,8 @@ fn a_number_that_varies_with_a_covariate_is_what_it_is_there() {
     for (x_m, share) in [(-1.0, -0.5), (0.0, 0.0), (0.5, 0.25), (7.0, 0.5)] {
         let mut plain = CheckedEffect::typical(friction.info);
         plain.numbers[0] = 0.4 * (1.0 + share);
-        let (bent, plain) = (force(x_m, &friction), force(x_m, &plain));
-        assert!((bent - plain).abs() < 1e-12, "{x_m}: {bent} {plain}");
+        let (changed, plain) = (force(x_m, &friction), force(x_m, &plain));
+        assert!((changed - plain).abs() < 1e-12, "{x_m}: {changed} {plain}");
     }
 }
 
@@ -287,7 +287,9 @@ fn the_registry_is_consistent() {
     assert_eq!(ids.len(), ALL.len(), "ids are unique");
     for info in ALL {
         assert_eq!(find(info.id), Some(*info));
-        assert!(!info.law.is_empty() && !info.source.is_empty() && !info.kin.contains(&info.id));
+        assert!(
+            !info.law.is_empty() && !info.source.is_empty() && !info.confusable.contains(&info.id)
+        );
         for p in info.parameters {
             assert!(
                 p.limits.0 <= p.plausible.0
@@ -314,9 +316,14 @@ fn the_registry_is_consistent() {
         ] {
             assert!(EffectStack::build(&[at(value)]).is_ok(), "{}", info.id);
         }
-        for kin in info.kin {
-            let other = find(kin).unwrap_or_else(|| panic!("{}: no kin {kin}", info.id));
-            assert!(other.kin.contains(&info.id), "{} and {kin}", info.id);
+        for confusable in info.confusable {
+            let other =
+                find(confusable).unwrap_or_else(|| panic!("{}: no effect {confusable}", info.id));
+            assert!(
+                other.confusable.contains(&info.id),
+                "{} and {confusable}",
+                info.id
+            );
         }
     }
 }
@@ -338,7 +345,7 @@ fn variants() -> Vec<CheckedEffect> {
     all
 }
 
-/// Poses that a measurement would report of a rough run in all six DOFs.
+/// Poses that a measurement would report of a shaken run in all six DOFs.
 fn reported<T: Real>(
     effects: &[CheckedEffect],
     lift: impl FnMut(usize, usize, f64) -> T,

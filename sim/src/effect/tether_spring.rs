@@ -28,8 +28,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["battery_sag", "constant_force", "wall_added_mass"],
-    source: "physics.md, hydrodynamics",
+    confusable: &["battery_sag", "constant_force", "wall_added_mass"],
+    source: "theory/physics.md, hydrodynamics",
 };
 
 #[derive(Debug)]

@@ -22,8 +22,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         held: false,
     }],
     words: &[DOF],
-    kin: &["astern_drag", "constant_force", "current"],
-    source: "physics.md, thruster stage; Blue Robotics T200: +51.5 / -39.9 N at 16 V",
+    confusable: &["astern_drag", "constant_force", "current"],
+    source: "theory/physics.md, thruster stage; Blue Robotics T200: +51.5 / -39.9 N at 16 V",
 };
 
 #[derive(Debug)]
@@ -33,7 +33,7 @@ struct Asymmetry<T> {
 }
 
 pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
-    // Factors are clamped at >= 0 (physics.md).
+    // Factors are clamped at >= 0 (theory/physics.md, thruster stage).
     Asymmetry {
         dof: values.words[0],
         reverse_gain: values.numbers[0].max(T::zero()),

@@ -22,8 +22,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         allowed: &["pitch", "yaw"],
         absent: Some("pitch"),
     }],
-    kin: &["added_mass_coupling", "attitude_disturbance"],
-    source: "physics.md, thruster stage",
+    confusable: &["added_mass_coupling", "attitude_disturbance"],
+    source: "theory/physics.md, thruster stage",
 };
 
 #[derive(Debug)]

@@ -18,8 +18,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         1.05,
     )],
     words: &[DOF],
-    kin: &["battery_sag", "position_scale"],
-    source: "physics.md, thruster stage (a blind spot: needs a bollard pull or known ballast)",
+    confusable: &["battery_sag", "position_scale"],
+    source: "theory/physics.md, thruster stage (not identifiable: needs a bollard pull or known ballast)",
 };
 
 #[derive(Debug)]

@@ -22,13 +22,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         held: false,
     }],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "current",
         "thruster_saturation",
     ],
-    source: "physics.md, thruster stage; ESC neutral band of brushless thrusters",
+    source: "theory/physics.md, thruster stage; ESC neutral band of brushless thrusters",
 };
 
 #[derive(Debug)]

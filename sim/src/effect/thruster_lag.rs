@@ -23,8 +23,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         held: false,
     }],
     words: &[DOF],
-    kin: &["camera_latency", "command_latency", "fluid_memory"],
-    source: "physics.md, thruster stage; Fossen 2011, 12.2 (first-order propeller dynamics)",
+    confusable: &["camera_latency", "command_latency", "fluid_memory"],
+    source: "theory/physics.md, thruster stage; Fossen 2011, 12.2 (first-order propeller dynamics)",
 };
 
 #[derive(Debug)]

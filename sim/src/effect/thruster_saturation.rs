@@ -20,13 +20,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     .limit()
     .corner()],
     words: &[DOF],
-    kin: &[
+    confusable: &[
         "constant_force",
         "coulomb_friction",
         "current",
         "thruster_deadband",
     ],
-    source: "physics.md, thruster stage",
+    source: "theory/physics.md, thruster stage",
 };
 
 #[derive(Debug)]

@@ -17,7 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         0.7,
     )],
     words: &[],
-    kin: &["image_saturation", "range_clipping"],
+    confusable: &["image_saturation", "range_clipping"],
     source: "power laws of ITU-R BT.709 (0.45) and of displays (2.2), without their linear toe",
 };
 

@@ -3,7 +3,7 @@
 //! `f_n_along = "u"`, `f_n_from`, `f_n_to` (covariate at both ends), `f_n_without` (the number where the effect is not
 //! there, 0 when not given), `f_n_share_01` … `f_n_share_40` (0 when not given).
 
-use super::along::{COVARIATES, POINTS};
+use super::covariate_table::{COVARIATES, POINTS};
 use super::{EffectError, EffectInfo, Trend};
 use hydroline_rigs::ParameterValue;
 

@@ -35,8 +35,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         ),
     ],
     words: &[],
-    kin: &["fluid_memory", "tether_spring"],
-    source: "physics.md, hydrodynamics; Lamb 1932, art. 137 (Lagrange: a mass that depends on place)",
+    confusable: &["fluid_memory", "tether_spring"],
+    source: "theory/physics.md, hydrodynamics; Lamb 1932, art. 137 (Lagrange: a mass that depends on place)",
 };
 
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! `written_force`: a force written down from data in closed form, as a sum of two pieces over one covariate.
 
-use super::along::{COVARIATES, covariate};
+use super::covariate_table::{COVARIATES, covariate};
 use super::form::{FORMS, NUMBERS, piece, sign};
 use super::info::DOF;
 use super::{EffectInfo, Law, Moment, ParameterInfo, Stage, Values, WordInfo};
@@ -103,8 +103,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
             absent: Some("one"),
         },
     ],
-    kin: &[],
-    source: "physics.md, hydrodynamics: a force that had no name, written down",
+    confusable: &[],
+    source: "theory/physics.md, hydrodynamics: a force that had no name, written down",
 };
 
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! A calibration board standing in (or beside) the laser sheet.
 //!
-//! The board is told in the laser plane (xi to port, eta up, zeta forward), so it does not
+//! The board is given in the laser plane (xi to port, eta up, zeta forward), so it does not
 //! depend on the vehicle's pose. Its face looks at the camera (-zeta). It is lit by room
 //! light and by the sheet, which grazes it: the Gaussian of each point's distance from the
 //! sheet. Raised gauge blocks are boxes; their side towards the laser shows the line where
@@ -124,7 +124,7 @@ struct Stand<'a> {
     b: Vector3<f64>,
     c: Vector3<f64>,
     /// Rays that are not straight, and the way from the body to the board's frame: turn (p - origin).
-    bent: Option<(Lens, Matrix3<f64>, Vector3<f64>)>,
+    refracted: Option<(Lens, Matrix3<f64>, Vector3<f64>)>,
     optics: Optics,
     /// Sheet in the board's frame: normal and offset.
     sheet: (Vector3<f64>, f64),
@@ -257,7 +257,7 @@ impl Renderer {
         Ok(nodes)
     }
 
-    /// (xi, eta, zeta) to the body frame (geometry.md): xi = -y_b, eta = h_centre - z_b, zeta = x_b - l_laser.
+    /// (xi, eta, zeta) to the body frame (theory/geometry.md, frames): xi = -y_b, eta = h_centre - z_b, zeta = x_b - l_laser.
     fn body_of_plane(&self, p: Vector3<f64>) -> Vector3<f64> {
         Vector3::new(p.z + self.optics.l_laser_m, -p.x, self.h_centre_m - p.y)
     }
@@ -316,7 +316,7 @@ impl Renderer {
             b: turn * axes.column(0),
             c: turn * axes.column(1),
             a: turn * axes.column(2),
-            bent: (!Lens::is_pinhole(o)).then(|| (Lens::new(o), turn, origin)),
+            refracted: (!Lens::is_pinhole(o)).then(|| (Lens::new(o), turn, origin)),
             optics: *o,
             sheet: (unit, -unit.dot(&local(apex))),
             sheet_normal: normal.norm(),
@@ -361,7 +361,7 @@ fn check(board: &Board) -> Result<(), SceneError> {
 impl Stand<'_> {
     /// Kind of thing that pixel (u, v) shows, and its grey level without ambient.
     fn shade(&self, u: f64, v: f64) -> (Code, f64) {
-        let (eye, direction) = match &self.bent {
+        let (eye, direction) = match &self.refracted {
             None => (self.eye, self.a + self.b * u + self.c * v),
             Some((lens, turn, origin)) => {
                 let (from, along) = lens.ray(u, v);

@@ -72,9 +72,9 @@ impl Frames {
         let across = Vector3::new(-st, ct, 0.0);
         let x_offset = -(ct * ox + st * oy);
         let y_offset = st * ox - ct * oy;
-        // Surface at z = -slope X: height above it = -z - slope X (physics.md, floor_slope).
+        // Surface at z = -slope X: height above it = -z - slope X (theory/physics.md, measurement: floor_slope).
         let up = Vector3::new(-optics.floor_slope, 0.0, -1.0);
-        // Sheet x_b = l_laser + tan(pitch) z_b + tan(yaw) y_b (physics.md, laser_plane_tilt).
+        // Sheet x_b = l_laser + tan(pitch) z_b + tan(yaw) y_b (theory/physics.md, measurement: laser_plane_tilt).
         let normal = Vector3::new(1.0, -optics.sheet_tan_yaw, -optics.sheet_tan_pitch);
         let length = normal.norm();
 
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn the_axis_meets_the_sheet_at_eta_zero() {
-        // geometry.md: with H = h_centre the middle of the image is the stripe on the floor.
+        // theory/geometry.md, camera: with H = h_centre the middle of the image is the stripe on the floor.
         let v = view(Pose6 {
             z_m: -0.68,
             ..Pose6::default()

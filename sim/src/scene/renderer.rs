@@ -12,12 +12,12 @@
 
 use std::ops::Range;
 
-use super::bent::BentView;
 use super::exposure::Exposure;
 use super::frame_poses::{Field, FramePoses};
 use super::lens::Lens;
 use super::noise::Noise;
 use super::rays::{Sight, View};
+use super::refracted::RefractedView;
 use super::sheet::{CUT_SIGMA, Code, Light, far_m};
 use super::solid::Solid;
 use super::speckle::Speckle;
@@ -194,8 +194,8 @@ impl Renderer {
         View::new(&self.optics, self.target_origin, pose)
     }
 
-    pub(super) fn bent_view(&self, pose: &Pose6) -> BentView {
-        BentView::new(&self.optics, self.target_origin, pose)
+    pub(super) fn refracted_view(&self, pose: &Pose6) -> RefractedView {
+        RefractedView::new(&self.optics, self.target_origin, pose)
     }
 
     pub(super) fn light<'a, S: Sight>(&'a self, view: &'a S) -> Light<'a, S> {
@@ -292,7 +292,7 @@ impl Renderer {
         if self.is_straight() {
             self.strips_by(field, |pose| self.view(pose))
         } else {
-            self.strips_by(field, |pose| self.bent_view(pose))
+            self.strips_by(field, |pose| self.refracted_view(pose))
         }
     }
 

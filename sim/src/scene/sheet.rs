@@ -127,7 +127,7 @@ impl<'a, S: Sight> Light<'a, S> {
     /// What the ray of (column u, row v) sees: the lit surface, or why it is dark, and the grey level of laser light.
     ///
     /// Only heights at which the ray meets the sheet can be lit; usually that is one or none, so visibility is
-    /// asked for that one alone. Vertical faces occlude but are not lit (geometry.md).
+    /// asked for that one alone. Vertical faces occlude but are not lit (theory/geometry.md, laser).
     pub fn shade(&self, u: f64, v: f64) -> (Code, f64) {
         let ray = self.view.ray(u, v);
         let line = self.view.line(&ray);

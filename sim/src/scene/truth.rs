@@ -46,7 +46,7 @@ impl Renderer {
         if self.is_straight() {
             self.profile_by(poses, |pose| self.view(pose))
         } else {
-            self.profile_by(poses, |pose| self.bent_view(pose))
+            self.profile_by(poses, |pose| self.refracted_view(pose))
         }
     }
 

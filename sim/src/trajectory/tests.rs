@@ -51,7 +51,7 @@ fn table_11_comes_out() {
                     break;
                 }
             }
-            // geometry.md prints two decimals.
+            // theory/geometry.md, the paper's tables, prints two decimals.
             assert!(
                 (worst_mm - expected).abs() <= 0.005 + 1e-9,
                 "{x_n} N: {worst_mm:.4} mm, expected {expected}"

@@ -289,7 +289,7 @@ fn all(rig: &Rig, runs: &Runs<'_>) -> Option<DVector<f64>> {
     Some(DVector::from_vec(made))
 }
 
-/// Weight of each entry alone as interfaces.md defines it, in the channel where it is largest, over the tolerance.
+/// Weight of each entry alone as reference/interfaces.md defines it, in the channel where it is largest, over the tolerance.
 fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
     let bare = Rig {
         physics: Vec::new(),
@@ -299,7 +299,7 @@ fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
     let mut columns = Vec::new();
     for d in 0..6 {
         for k in 0..3 {
-            let bent = |by: f64| {
+            let shifted = |by: f64| {
                 let mut rig = bare.clone();
                 let c = &mut rig.vehicle.coefficients[d];
                 let place = [&mut c.added, &mut c.linear, &mut c.quadratic];
@@ -310,7 +310,7 @@ fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
                     .for_each(|v| *v *= 1.0 + by);
                 all(&rig, runs)
             };
-            let column = bent(1e-4)? - bent(-1e-4)?;
+            let column = shifted(1e-4)? - shifted(-1e-4)?;
             let size = column.norm();
             if size > 1e-9 {
                 columns.push(column / size);
@@ -391,8 +391,8 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             3 => 5f64.powf(between(&mut rng, -1.0, 1.0)),
             _ => 1.0,
         };
-        let mut told = rig.clone();
-        for c in &mut told.vehicle.coefficients {
+        let mut given = rig.clone();
+        for c in &mut given.vehicle.coefficients {
             for v in [&mut c.added, &mut c.linear, &mut c.quadratic] {
                 *v *= rig_factor;
             }
@@ -416,7 +416,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             index,
             instruments,
             sources,
-            rig: told,
+            rig: given,
             rig_factor,
             truth,
         });
@@ -442,7 +442,7 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     There {
         name: all.join(" "),
         weight_tolerances,
-        numbers: crate::sizes::numbers(entry),
+        numbers: crate::magnitudes::numbers(entry),
     }
 }
 

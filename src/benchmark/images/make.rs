@@ -1,7 +1,7 @@
 //! An image-level case: two logs of frames, and the key.
 
 use super::super::error::ProveError;
-use super::super::sizes;
+use super::super::magnitudes;
 use super::size::{Moved, moved};
 use hydroline_daemon::simulate::{Options, simulate};
 use hydroline_diagnose::profiles::known::Poses;
@@ -177,11 +177,11 @@ fn seen_poses(path: &Path, tank: &Rig, start_ns: u64) -> Result<Poses, LoadError
     Ok(poses)
 }
 
-/// Four motion effects at 3–8 % of their practical size, and a wobble about each axis.
+/// Four motion effects at 3–8 % of their practical size, and a disturbance about each axis.
 fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
     let mut ids: Vec<&str> = Vec::new();
     while ids.len() < 4 {
-        let id = sizes::EFFECTS[rng.random_range(0..sizes::EFFECTS.len())];
+        let id = magnitudes::EFFECTS[rng.random_range(0..magnitudes::EFFECTS.len())];
         if !ids.contains(&id) {
             ids.push(id);
         }
@@ -190,7 +190,7 @@ fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
         .into_iter()
         .map(|id| {
             let share = 0.03 + 0.05 * rng.random::<f64>();
-            sizes::entry(id, share, TOP_N, rng)
+            magnitudes::entry(id, share, TOP_N, rng)
         })
         .collect();
     for axis in ["roll", "pitch", "yaw"] {

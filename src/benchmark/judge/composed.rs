@@ -1,4 +1,4 @@
-//! A force without a name that was drawn by composition: its covariate, and what is written down of it.
+//! A force of no known effect that was drawn by composition: its covariate, and what is written down of it.
 
 use hydroline_diagnose::Diagnosis;
 use hydroline_diagnose::verdict::ClosedForm;
@@ -9,9 +9,9 @@ use super::Judged;
 use crate::case::Case;
 use crate::composed::Composed;
 use crate::error::ProveError;
+use crate::external_law::{ExternalLaw, Here};
 use crate::motion::Mover;
 use crate::plans;
-use crate::strange::{Here, Strange};
 
 /// Of the true force's largest size within the data: what a form that is called the law may be off by at most.
 const WRONG: f64 = 0.2;
@@ -37,7 +37,11 @@ fn doubled(step: &PlanStep) -> PlanStep {
 
 /// rms of runs of twice the load that nobody has seen over their noise: by the rig that is written, and by an observer
 /// that knows the law, and of all else what that rig says.
-fn twice_the_load(case: &Case, made: &Diagnosis, truth: &Strange) -> Result<[f64; 2], ProveError> {
+fn twice_the_load(
+    case: &Case,
+    made: &Diagnosis,
+    truth: &ExternalLaw,
+) -> Result<[f64; 2], ProveError> {
     let tank = &case.key.tank;
     let mut rng = StdRng::seed_from_u64(tank.seed);
     let hard = plans::good(&mut rng)
@@ -56,24 +60,24 @@ fn twice_the_load(case: &Case, made: &Diagnosis, truth: &Strange) -> Result<[f64
         .cloned()
         .collect();
     let movers =
-        [(&made.rig.physics, None), (&known, Some(truth))].map(|(entries, strange)| Mover {
+        [(&made.rig.physics, None), (&known, Some(truth))].map(|(entries, external_law)| Mover {
             vehicle: &made.rig.vehicle,
             entries,
-            strange,
+            external_law,
             start: case.sealed.rig.tank.start_pose,
         });
     let (mut square, mut noise) = ([0.0; 2], 0.0);
     for (k, plan) in hard.enumerate() {
         let run = tank.record(&plan, k, plans::RUN_S)?;
-        let mut foretold = Vec::new();
+        let mut predicted = Vec::new();
         for mover in &movers {
-            foretold.push(mover.positions(k, &run.edges, &run.times_s)?);
+            predicted.push(mover.positions(k, &run.edges, &run.times_s)?);
         }
         for i in (0..run.times_s.len()).filter(|i| !run.outlier[*i]) {
             let Some(seen_m) = run.motion[i].x_m else {
                 continue;
             };
-            for (square, x_m) in square.iter_mut().zip(&foretold) {
+            for (square, x_m) in square.iter_mut().zip(&predicted) {
                 *square += (seen_m - x_m[i]).powi(2);
             }
             noise += run.noise_m[i].powi(2);
@@ -115,7 +119,7 @@ fn off(law: &Composed, knots: &[f64], form: &ClosedForm) -> f64 {
 
 /// What is asked of such a case beside the word.
 pub(super) fn ask(case: &Case, made: &Diagnosis, judged: &mut Judged) -> Result<(), ProveError> {
-    let Some(Strange::Composed(law)) = case.key.tank.strange else {
+    let Some(ExternalLaw::Composed(law)) = case.key.tank.external_law else {
         return Ok(());
     };
     let unnamed = made
@@ -126,7 +130,7 @@ pub(super) fn ask(case: &Case, made: &Diagnosis, judged: &mut Judged) -> Result<
     let along = if law.of_speed { "u" } else { "x" };
     let covariate = unnamed.is_some_and(|u| u.depends_on == along);
     judged.passed.push(("covariate".into(), covariate));
-    let [own, observer] = twice_the_load(case, made, &Strange::Composed(law))?;
+    let [own, observer] = twice_the_load(case, made, &ExternalLaw::Composed(law))?;
     let form = unnamed.and_then(|u| Some((u, u.closed_form.as_ref()?)));
     let written = form.is_some_and(|(_, f)| f.written);
     judged

@@ -1,6 +1,6 @@
 //! Effect by effect: what is there against what was found, a set that the data cannot split counted once.
 
-use super::sets::Sum;
+use super::inseparable::Sum;
 use super::thresholds::SCORED_M;
 use crate::case::{DELAYS, Truth};
 
@@ -88,7 +88,7 @@ impl Tally {
     }
 }
 
-/// Names that the data cannot tell apart.
+/// Names that the data cannot distinguish.
 pub(super) trait Split {
     /// Whether `wrong`, which is not there, may stand for `missing`, which is.
     fn exchanged(&self, missing: &str, wrong: &str) -> bool;
@@ -115,7 +115,7 @@ pub(super) fn is_there(truth: &[Truth], found: &str, all: &[&str]) -> bool {
     in_key(truth, found) || twin(truth, found, all).is_some()
 }
 
-/// Heaviest of what was found and is not there \[m\]: of what stands for an effect of the vocabulary's own law that was
+/// Heaviest of what was found and is not there \[m\]: of what stands for an effect of the library's own law that was
 /// not found, once for each, what it weighs beyond that one.
 pub(super) fn invented(truth: &[Truth], found: &[(String, f64)], split: &dyn Split) -> f64 {
     let all: Vec<&str> = found.iter().map(|f| f.0.as_str()).collect();
@@ -140,7 +140,7 @@ pub(super) fn invented(truth: &[Truth], found: &[(String, f64)], split: &dyn Spl
     heaviest
 }
 
-/// Effect by effect. `equivalent`: sets that the answer says it cannot tell apart; `sums`: those that the data cannot
+/// Effect by effect. `equivalent`: sets that the answer says it cannot distinguish; `sums`: those that the data cannot
 /// split, whoever is asked.
 pub(super) fn compare(
     truth: &[Truth],
@@ -175,7 +175,7 @@ pub(super) fn compare(
         }
         there.push((t.effect.clone(), t.weight_m, t.main, hit, weight));
     }
-    let told = |s: &Sum| {
+    let declared = |s: &Sum| {
         let parts = found.iter().filter(|f| of_sum(s, &f.0));
         // They move alike: their weights add up.
         let found_m: f64 = parts.map(|f| f.1).sum();
@@ -188,7 +188,7 @@ pub(super) fn compare(
             effects: s.effects.clone(),
         }
     };
-    let made = sums.iter().map(told).collect();
+    let made = sums.iter().map(declared).collect();
     let right = |f: &str| known(f) || in_sum(f) || excused.iter().any(|e| e.1 == f);
     let scored: Vec<(String, f64, bool)> = found
         .iter()
@@ -236,9 +236,9 @@ mod tests {
 
     /// (missing, wrong) that may be exchanged.
     #[derive(Default)]
-    struct Told(Vec<(&'static str, &'static str)>);
+    struct Declared(Vec<(&'static str, &'static str)>);
 
-    impl Split for Told {
+    impl Split for Declared {
         fn exchanged(&self, missing: &str, wrong: &str) -> bool {
             self.0.contains(&(missing, wrong))
         }
@@ -255,7 +255,7 @@ mod tests {
     fn a_set_that_cannot_be_split_counts_once_and_a_wrong_name_does_not() {
         let there = [truth("lag", 10.0, true), truth("current", 1.0, false)];
         let seen = found(&[("delay", 9.0), ("current", 1.02), ("bias", 0.8)]);
-        let none = compare(&there, &seen, &[], &[], &Told::default());
+        let none = compare(&there, &seen, &[], &[], &Declared::default());
         assert_eq!(
             none.there.iter().map(|t| t.3).collect::<Vec<_>>(),
             [false, true]
@@ -265,8 +265,8 @@ mod tests {
             [false, true, false]
         );
         assert_eq!(none.heaviest, Some(false));
-        let told = Told(vec![("lag", "delay")]);
-        let twins = compare(&there, &seen, &[], &[], &told);
+        let declared = Declared(vec![("lag", "delay")]);
+        let twins = compare(&there, &seen, &[], &[], &declared);
         assert!(twins.there.iter().all(|t| t.3));
         assert_eq!(
             twins.found.iter().map(|f| f.2).collect::<Vec<_>>(),
@@ -274,7 +274,7 @@ mod tests {
         );
         assert_eq!(twins.heaviest, Some(true));
         let sets = [vec!["delay".to_owned()], vec!["lag".to_owned()]];
-        let said = compare(&there, &seen, &sets, &[], &Told::default());
+        let said = compare(&there, &seen, &sets, &[], &Declared::default());
         assert!(said.there[0].3 && said.found[0].2 && !said.found[2].2);
     }
 
@@ -289,10 +289,10 @@ mod tests {
         let sums = [sum(&["thruster_lag", "command_latency"], 1.8)];
         let of = |lag: &[(&str, f64)]| {
             let seen = found(&[&[("thruster_deadband", 3.0)], lag].concat());
-            compare(&there, &seen, &[], &sums, &Told::default())
+            compare(&there, &seen, &[], &sums, &Declared::default())
         };
         // The deadband, the wall that was missed, lag and delay together: (hits, weight found of the sum, invented).
-        let told = |t: &Tally| {
+        let declared = |t: &Tally| {
             let counted = t.counted();
             assert_eq!(counted.len(), 3);
             assert_eq!(counted[2].name, "thruster_lag + command_latency");
@@ -301,23 +301,32 @@ mod tests {
             let wrong = t.found.iter().filter(|f| !f.2).count();
             (hits, counted[2].weight_right(), wrong)
         };
-        assert_eq!(told(&of(&[("thruster_lag", 1.82)])), (2, Some(true), 0));
-        assert_eq!(told(&of(&[("command_latency", 1.7)])), (2, Some(true), 0));
+        assert_eq!(declared(&of(&[("thruster_lag", 1.82)])), (2, Some(true), 0));
+        assert_eq!(
+            declared(&of(&[("command_latency", 1.7)])),
+            (2, Some(true), 0)
+        );
         // The other delay is the same motion.
-        assert_eq!(told(&of(&[("camera_latency", 1.8)])), (2, Some(true), 0));
+        assert_eq!(
+            declared(&of(&[("camera_latency", 1.8)])),
+            (2, Some(true), 0)
+        );
         let both = of(&[("thruster_lag", 1.3), ("command_latency", 0.51)]);
-        assert_eq!(told(&both), (2, Some(true), 0));
+        assert_eq!(declared(&both), (2, Some(true), 0));
         // One of them at its own weight is not the sum, a little of it is not found, and neither is nothing.
-        assert_eq!(told(&of(&[("thruster_lag", 1.1)])), (2, Some(false), 0));
-        assert_eq!(told(&of(&[("command_latency", 0.6)])), (1, Some(false), 0));
-        assert_eq!(told(&of(&[])), (1, None, 0));
+        assert_eq!(declared(&of(&[("thruster_lag", 1.1)])), (2, Some(false), 0));
+        assert_eq!(
+            declared(&of(&[("command_latency", 0.6)])),
+            (1, Some(false), 0)
+        );
+        assert_eq!(declared(&of(&[])), (1, None, 0));
         // Each by itself it stays as it was.
         let plain = compare(
             &there,
             &found(&[("thruster_deadband", 3.0), ("thruster_lag", 1.82)]),
             &[],
             &[],
-            &Told::default(),
+            &Declared::default(),
         );
         assert_eq!(of(&[("thruster_lag", 1.82)]).there, plain.there);
         assert_eq!(plain.counted().len(), 4);
@@ -332,19 +341,19 @@ mod tests {
         ];
         let sums = [sum(&["thruster_lag", "command_latency"], 5.9)];
         let seen = found(&[("command_latency", 5.9), ("current", 2.0)]);
-        let heaviest = |seen: &[(String, f64)], sums: &[Sum], told: &Told| {
-            compare(&there, seen, &[], sums, told).heaviest
+        let heaviest = |seen: &[(String, f64)], sums: &[Sum], declared: &Declared| {
+            compare(&there, seen, &[], sums, declared).heaviest
         };
-        assert_eq!(heaviest(&seen, &sums, &Told::default()), Some(true));
-        assert_eq!(heaviest(&seen, &[], &Told::default()), Some(false));
+        assert_eq!(heaviest(&seen, &sums, &Declared::default()), Some(true));
+        assert_eq!(heaviest(&seen, &[], &Declared::default()), Some(false));
         // What stands for the current is not the heaviest for that.
         let instead = found(&[
             ("force", 2.5),
             ("thruster_lag", 2.4),
             ("command_latency", 2.3),
         ]);
-        let told = Told(vec![("current", "force")]);
-        assert_eq!(heaviest(&instead, &[], &told), Some(false));
+        let declared = Declared(vec![("current", "force")]);
+        assert_eq!(heaviest(&instead, &[], &declared), Some(false));
     }
 
     #[test]
@@ -355,22 +364,24 @@ mod tests {
             truth("command_latency", 1.0, false),
         ];
         there[0].exact = false;
-        let told = Told(vec![
+        let declared = Declared(vec![
             ("thruster_lag", "fluid_memory"),
             ("coulomb_friction", "constant_force"),
             ("thruster_lag", "seiche"),
             ("command_latency", "seiche"),
         ]);
         let main = ("coulomb_friction", 4.0);
-        let mm = |seen: &[(&str, f64)], told: &Told| 1e3 * invented(&there, &found(seen), told);
+        let mm = |seen: &[(&str, f64)], declared: &Declared| {
+            1e3 * invented(&there, &found(seen), declared)
+        };
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
         assert!(near(
-            mm(&[main, ("fluid_memory", 1.3)], &Told::default()),
+            mm(&[main, ("fluid_memory", 1.3)], &Declared::default()),
             1.3
         ));
-        assert!(near(mm(&[main, ("fluid_memory", 1.3)], &told), 0.0));
+        assert!(near(mm(&[main, ("fluid_memory", 1.3)], &declared), 0.0));
         // A light one that was missed does not excuse a heavy name.
-        assert!(near(mm(&[main, ("fluid_memory", 3.3)], &told), 2.0));
+        assert!(near(mm(&[main, ("fluid_memory", 3.3)], &declared), 2.0));
         let twice = [
             main,
             ("fluid_memory", 1.3),
@@ -378,10 +389,10 @@ mod tests {
             ("camera_latency", 1.0),
         ];
         // The camera's delay stands for the command's, which then stands open for nothing else.
-        assert!(near(mm(&twice, &told), 1.2));
-        // Nothing stands for the law that is near the vocabulary's.
+        assert!(near(mm(&twice, &declared), 1.2));
+        // Nothing stands for the law that is near the library's.
         let instead = [("constant_force", 4.0), ("thruster_lag", 1.3)];
-        assert!(near(mm(&instead, &told), 4.0));
+        assert!(near(mm(&instead, &declared), 4.0));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Names that the data cannot tell apart, by the ideal observer: it knows the noise and the truth.
+//! Names that the data cannot distinguish, by the ideal observer: it knows the noise and the truth.
 
 use super::Found;
 use super::tally::Split;
@@ -15,12 +15,12 @@ pub(super) struct Undecided<'a> {
 }
 
 impl<'a> Undecided<'a> {
-    /// Without an observer everything can be told apart. `said`: what the diagnosis found; nothing where the
+    /// Without an observer everything can be distinguished. `said`: what the diagnosis found; nothing where the
     /// observer's own choice is asked about.
     pub(super) fn new(ideal: Option<&'a Ideal>, case: &Case, said: &'a [Found]) -> Self {
         Undecided {
             ideal,
-            near: case.key.tank.strange.is_some(),
+            near: case.key.tank.external_law.is_some(),
             said,
         }
     }

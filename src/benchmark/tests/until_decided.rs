@@ -14,7 +14,8 @@ use hydroline_sim::trajectory::Trajectory;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
-/// Hidden in surge: (effect, number, size, has it a `dof`). Each pair of neighbours is mistaken for each other (physics.md).
+/// Hidden in surge: (effect, number, size, has it a `dof`). Each pair of neighbours is mistaken for each other
+/// (theory/identifiability.md, confusable effects).
 const HIDDEN: [(&str, &str, f64, bool); 6] = [
     ("thruster_lag", "lag_s", 0.35, true),
     ("command_latency", "delay_s", 0.15, false),

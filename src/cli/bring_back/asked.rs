@@ -31,14 +31,14 @@ impl Asked {
             keys.enter();
             return Self::Keys(keys);
         }
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         std::thread::spawn(move || {
             let mut line = String::new();
             // End of input (no terminal, nobody there): nobody has brought anything back.
             let here = std::io::stdin().read_line(&mut line).is_ok_and(|n| n > 0);
-            tell.send(here).ok();
+            sender.send(here).ok();
         });
-        Self::Line(told)
+        Self::Line(receiver)
     }
 
     /// What was said since the last call.
@@ -46,7 +46,7 @@ impl Asked {
         match self {
             Self::Keys(keys) if keys.space() || keys.quit() => Some(Answer::End),
             Self::Keys(keys) => keys.enter().then_some(Answer::Go),
-            Self::Line(told) => told
+            Self::Line(receiver) => receiver
                 .try_recv()
                 .ok()
                 .map(|here| if here { Answer::Go } else { Answer::End }),

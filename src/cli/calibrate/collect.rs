@@ -26,7 +26,7 @@ pub enum Source {
     Image(PathBuf),
 }
 
-/// Logs and images told apart by how they begin.
+/// Logs and images distinguished by how they begin.
 pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
     let kind = |path: &PathBuf| {
         let mut start = Vec::new();

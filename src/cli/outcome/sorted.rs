@@ -17,7 +17,7 @@ use hydroline_identify::IdentifyError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
-use hydroline_identify::predict::beside::NotBeside;
+use hydroline_identify::predict::residuals::NotBeside;
 use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
 use hydroline_live::LiveError;

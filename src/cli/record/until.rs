@@ -235,24 +235,24 @@ fn ask(
         );
     }
     let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
-    let (tell, told) = std::sync::mpsc::channel();
+    let (sender, receiver) = std::sync::mpsc::channel();
     let count = offers.len();
     std::thread::spawn(move || {
         for line in std::io::stdin().lines() {
             let Ok(line) = line else { break };
             match answer(&line, count) {
                 Some(answer) => {
-                    tell.send(answer).ok();
+                    sender.send(answer).ok();
                     return;
                 }
                 None => errln!("hydroline: Enter, a number from 1 to {count}, or q"),
             }
         }
         // End of input: nobody is there.
-        tell.send(Answer::End).ok();
+        sender.send(Answer::End).ok();
     });
     loop {
-        match told.recv_timeout(Duration::from_millis(50)) {
+        match receiver.recv_timeout(Duration::from_millis(50)) {
             Ok(answer) => return Ok(answer),
             Err(_) if signals.heard().is_some() || session.stopped() => return Ok(Answer::End),
             Err(_) => {}

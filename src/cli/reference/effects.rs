@@ -74,14 +74,18 @@ fn describe(text: &mut String, info: &EffectInfo) {
         ];
         table(text, columns, &rows);
     }
-    let kin: Vec<String> = info.kin.iter().map(|id| format!("[{id}](#{id})")).collect();
-    let kin = match kin.is_empty() {
+    let confusable: Vec<String> = info
+        .confusable
+        .iter()
+        .map(|id| format!("[{id}](#{id})"))
+        .collect();
+    let confusable = match confusable.is_empty() {
         true => "no other effect of the library".to_owned(),
-        false => kin.join(", "),
+        false => confusable.join(", "),
     };
     let _ = writeln!(
         text,
-        "\nConfusable with: {kin}. Source: {}",
+        "\nConfusable with: {confusable}. Source: {}",
         sentence(info.source)
     );
 }

@@ -30,7 +30,7 @@ impl ClippingWatch {
     /// One frame of so many is looked at: a clipped laser clips for long, and a look costs four conversions.
     pub const EVERY: u64 = 25;
 
-    /// The next frame of the stream. What does not decode is told elsewhere.
+    /// The next frame of the stream. What does not decode is reported elsewhere.
     pub fn see(&mut self, frame: &Frame, rule: &GreyRule) {
         let turn = self.seen.is_multiple_of(Self::EVERY);
         self.seen += 1;

@@ -1,6 +1,6 @@
 //! A quick floor line for watching limits while running: height and roll, nothing finer.
 //!
-//! Floor line in the laser plane at roll phi, theta = 0 (geometry.md; paper Eqs. 3 and 4):
+//! Floor line in the laser plane at roll phi, theta = 0 (theory/geometry.md, laser plane; paper Eqs. 3 and 4):
 //! eta = h_centre - H / cos phi - xi tan phi, H = height of the CG above the floor.
 //! A target only raises the stripe, so the floor is the LOWEST line that many points agree on.
 //! Pitch is taken as zero: at 5 deg it moves H by l_laser sin 5 deg = 24 mm, little against a limit.

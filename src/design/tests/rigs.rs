@@ -47,11 +47,11 @@ fn check(rig: &Rig, options: &Options, set: &Set) {
     }
 }
 
-/// Pairs of [`ALIKE`] that are not told apart.
+/// Pairs of [`ALIKE`] that are not distinguished.
 fn taken_for_each_other(set: &Set) -> Vec<String> {
     let asked = |name: &str| ALIKE.contains(&name.split(' ').next().unwrap_or(""));
     let pairs = set.separations.iter();
-    let of = pairs.filter(|s| asked(&s.of) && asked(&s.from) && !s.told());
+    let of = pairs.filter(|s| asked(&s.of) && asked(&s.from) && !s.discriminated());
     of.map(|s| format!("{} | {}: {:.2}", s.of, s.from, s.nats))
         .collect()
 }
@@ -138,7 +138,7 @@ fn per_number(information: &DMatrix<f64>, own: usize) -> f64 {
 }
 
 /// `RANDOM=10000 RIG=lshpi cargo test --release -p hydroline-design --test rigs -- --ignored --nocapture`: five plans per rig,
-/// their D-efficiency over the best of that many random ones, and what they tell apart.
+/// their D-efficiency over the best of that many random ones, and what they distinguish.
 #[test]
 #[ignore = "minutes per rig"]
 fn designs_of_three_rigs_against_random_plans() {
@@ -190,11 +190,11 @@ fn designs_of_three_rigs_against_random_plans() {
             drawn.len()
         );
         println!(
-            "  not told apart: identify {:?}",
+            "  not distinguished: identify {:?}",
             taken_for_each_other(&set)
         );
         println!(
-            "  not told apart: diagnose {:?}",
+            "  not distinguished: diagnose {:?}",
             taken_for_each_other(&other)
         );
         assert!(efficiency >= 0.9, "{name}: {efficiency}");

@@ -12,7 +12,7 @@ fn main() {
     divan::main();
 }
 
-/// 24 s at 25 Hz with reversals, 0.15 mm of roughness.
+/// 24 s at 25 Hz with reversals, 0.15 mm of noise.
 fn run(rig: &Rig, k: usize) -> Run {
     let edges = [
         (0.0, 4.0 + 2.0 * k as f64),
@@ -37,8 +37,8 @@ fn run(rig: &Rig, k: usize) -> Run {
     for i in 0..600u32 {
         let t_s = 0.006 + 0.04 * f64::from(i);
         let mut values = [f64::NAN; 12];
-        let rough = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
-        values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * rough;
+        let shake = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
+        values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
         made.samples.push(Sample {
             t_s,
             values,

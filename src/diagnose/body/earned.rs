@@ -1,11 +1,11 @@
 //! What a verdict has to show before it stands: what is left passes as the instruments' noise or is below the tolerance, no
-//! coefficient ends on a limit, and runs left out are foretold no worse than by the vehicle alone.
+//! coefficient ends on a limit, and held-out runs are predicted no worse than by the vehicle alone.
 
 use std::collections::BTreeMap;
 
 use hydroline_identify::data::CHANNELS;
 use hydroline_inference::body::Own;
-use hydroline_inference::foretell::Prediction;
+use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 use hydroline_rigs::Dof;
 
@@ -20,7 +20,7 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
-/// Runs left out are foretold worse where the error, in tolerances and noise, grows by more than this share: less is what a
+/// Runs left out are predicted worse where the error, in tolerances and noise, grows by more than this share: less is what a
 /// coefficient that is fitted too costs.
 const WORSE: f64 = 0.1;
 
@@ -190,10 +190,10 @@ impl Judged<'_> {
         (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]))
     }
 
-    /// Whether runs left out are foretold worse than by the vehicle alone: each error in units of noise, tolerance and of what
+    /// Whether held-out runs are predicted worse than by the vehicle alone: each error in units of noise, tolerance and of what
     /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
-    pub fn foretells_worse(&self) -> bool {
-        let Some(foretold) = &self.one_run_out else {
+    pub fn predicts_worse(&self) -> bool {
+        let Some(predicted) = &self.one_run_out else {
             return false;
         };
         let problem = &self.found.problem;
@@ -212,7 +212,7 @@ impl Judged<'_> {
             });
             each.fold((0.0, 0.0), |sum, e| (sum.0 + e.0, sum.1 + e.1))
         };
-        let (before, after) = (size(&foretold.before), size(&foretold.after));
+        let (before, after) = (size(&predicted.before), size(&predicted.after));
         // Within noise and tolerance nobody is worse.
         let channels = problem.noises.channels.iter().flatten().count() as f64;
         after.0 > channels && after.1 > (1.0 + WORSE) * before.1

@@ -268,7 +268,7 @@ impl Judged<'_> {
             .filter_map(|(terms, p)| {
                 let fit = self.found.models.get(terms)?;
                 Some(Alternative {
-                    effects: terms.iter().map(|t| self.told(*t)).collect(),
+                    effects: terms.iter().map(|t| self.label(*t)).collect(),
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
                     train: table(&self.found.problem.left(terms, &fit.point)),
@@ -289,22 +289,22 @@ impl Judged<'_> {
             },
             ..FitTable::default()
         };
-        let (foretold, how) = match &self.held {
-            Some((over, foretold)) => {
+        let (predicted, how) = match &self.held {
+            Some((over, predicted)) => {
                 let runs = over.body.recording.runs.iter();
                 let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
                 let how = format!("{HELD_OUT}: {}, which chose nothing", names.join(", "));
-                (Some(foretold), how)
+                (Some(predicted), how)
             }
             None => (
                 self.one_run_out.as_ref(),
                 "each run by the others".to_owned(),
             ),
         };
-        if let Some(foretold) = foretold {
+        if let Some(predicted) = predicted {
             made.held_out = BeforeAfter {
-                before: table(&foretold.rms.0),
-                after: table(&foretold.rms.1),
+                before: table(&predicted.rms.0),
+                after: table(&predicted.rms.1),
                 noise: table(&noise),
             };
             made.held_out_by = how;
@@ -313,7 +313,7 @@ impl Judged<'_> {
     }
 
     /// A term as a list of models shows it.
-    fn told(&self, term: usize) -> String {
+    fn label(&self, term: usize) -> String {
         let c = &self.found.problem.body.candidates[term];
         if c.kind == Kind::Effect {
             self.id(term)
@@ -322,7 +322,7 @@ impl Judged<'_> {
         }
     }
 
-    /// Each run as the others foretell it.
+    /// Each run as the others predict it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
         let (before, after) = &self.one_run_out.as_ref()?.rms;
         Some(BeforeAfter {

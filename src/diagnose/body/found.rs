@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use hydroline_identify::data::Run;
 use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
-use hydroline_inference::foretell::Prediction;
 use hydroline_inference::posterior::Posterior;
+use hydroline_inference::prediction::Prediction;
 use hydroline_inference::search::Found;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::Kind;
 use hydroline_rigs::{Dof, Rig};
 
+use super::discrepancy::mattering;
 use super::earned::Left;
-use super::nameless::mattering;
 use crate::verdict::{Unexplained, Word};
 
 /// Probability of what matters together, from which one explanation stands alone.
@@ -29,7 +29,7 @@ const MOST_UNSURE: f64 = 0.5;
 
 /// Runs that neither model has seen.
 #[derive(Debug, Clone)]
-pub struct Foretold {
+pub struct Predicted {
     /// By the vehicle alone.
     pub before: Prediction,
     /// With the likeliest model's effects.
@@ -38,19 +38,19 @@ pub struct Foretold {
     pub rms: (Rms, Rms),
 }
 
-impl Foretold {
+impl Predicted {
     fn new(
         problem: &Problem,
-        foretell: impl Fn(&Fit) -> Option<Prediction>,
+        predict: impl Fn(&Fit) -> Option<Prediction>,
         alone: &Fit,
         best: &Fit,
-    ) -> Option<Foretold> {
-        let (before, after) = (foretell(alone)?, foretell(best)?);
+    ) -> Option<Predicted> {
+        let (before, after) = (predict(alone)?, predict(best)?);
         let rms = (
             problem.left_of(&before.values),
             problem.left_of(&after.values),
         );
-        Some(Foretold { before, after, rms })
+        Some(Predicted { before, after, rms })
     }
 }
 
@@ -67,14 +67,14 @@ pub struct Judged<'a> {
     /// Sets of what matters with their probabilities, likeliest first.
     pub groups: Vec<(BTreeSet<usize>, f64)>,
     /// Runs held out, and what both models predict of them.
-    pub held: Option<(Problem, Foretold)>,
-    /// Each run as the others foretell it.
-    pub one_run_out: Option<Foretold>,
+    pub held: Option<(Problem, Predicted)>,
+    /// Each run as the others predict it.
+    pub one_run_out: Option<Predicted>,
     /// What the likeliest model leaves, channel by channel.
     pub left: Vec<Left>,
-    /// Forces without a name that were written down.
+    /// Unnamed forces that were written down.
     pub closed: &'a [Closed],
-    /// Forces without a name that matter, and what is left that is no noise.
+    /// Unnamed forces that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
 }
 
@@ -101,13 +101,13 @@ impl<'a> Judged<'a> {
         }
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
-            .then(|| Foretold::new(problem, |fit| problem.one_run_out(fit), alone, best))
+            .then(|| Predicted::new(problem, |fit| problem.one_run_out(fit), alone, best))
             .flatten();
         let held = (!held.is_empty())
             .then(|| {
                 let over = problem.over(held, rig).ok()?.without_outliers(best);
-                let foretold = Foretold::new(&over, |fit| over.foretell(fit), alone, best)?;
-                Some((over, foretold))
+                let predicted = Predicted::new(&over, |fit| over.predict(fit), alone, best)?;
+                Some((over, predicted))
             })
             .flatten();
         let mut made = Judged {
@@ -162,7 +162,7 @@ impl<'a> Judged<'a> {
         if !self.unexplained.is_empty() {
             return Word::Unknown;
         }
-        // What foretells worse than nothing at all is no explanation, and a limit is none of these data.
+        // What predicts worse than nothing at all is no explanation, and a limit is none of these data.
         if !self.against().is_empty() {
             return Word::Unknown;
         }
@@ -173,7 +173,7 @@ impl<'a> Judged<'a> {
         }
     }
 
-    /// Complete sets of what matters that these data cannot tell apart.
+    /// Complete sets of what matters that these data cannot distinguish.
     pub fn equivalent(&self) -> Vec<Vec<String>> {
         if self.decided() {
             return Vec::new();
@@ -192,7 +192,7 @@ impl<'a> Judged<'a> {
         let c = &self.found.problem.body.candidates[term];
         match c.kind {
             Kind::Force { dof } | Kind::Form { dof, .. } => {
-                format!("a force without a name in {}", Dof::ALL[dof].name())
+                format!("a force of no known effect in {}", Dof::ALL[dof].name())
             }
             _ => c.info.id.to_owned(),
         }
@@ -212,7 +212,7 @@ impl<'a> Judged<'a> {
         }
         notes.extend(self.against());
         if self.small_effects_fail() {
-            notes.push("runs left out are foretold worse with the small effects than by the vehicle alone: none of them is written".to_owned());
+            notes.push("held-out runs are predicted worse with the small effects than by the vehicle alone: none of them is written".to_owned());
         }
         notes
     }
@@ -222,10 +222,10 @@ impl<'a> Judged<'a> {
         self.groups.first().is_some_and(|(set, _)| !set.is_empty())
     }
 
-    /// Whether nothing matters, and what does not is contradicted by the runs left out: then it is in no model, and there is
+    /// Whether nothing matters, and what does not is contradicted by the held-out runs: then it is in no model, and there is
     /// still nothing that matters.
     pub fn small_effects_fail(&self) -> bool {
-        !self.best.terms.is_empty() && !self.something_matters() && self.foretells_worse()
+        !self.best.terms.is_empty() && !self.something_matters() && self.predicts_worse()
     }
 
     /// What speaks against the likeliest model as a whole, in words.
@@ -234,8 +234,8 @@ impl<'a> Judged<'a> {
         if self.on_a_limit() {
             notes.push("a coefficient ended a hundredfold off the rig's, which is as far as is looked: the model does not describe this motion".to_owned());
         }
-        if self.something_matters() && self.foretells_worse() {
-            notes.push("runs left out are foretold worse with these effects than by the vehicle alone: they are no explanation".to_owned());
+        if self.something_matters() && self.predicts_worse() {
+            notes.push("held-out runs are predicted worse with these effects than by the vehicle alone: they are no explanation".to_owned());
         }
         notes
     }

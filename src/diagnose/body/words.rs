@@ -3,7 +3,7 @@
 use crate::verdict::{Effect, Verdict, Word};
 
 /// A weight in the unit that people use.
-fn told(channel: &str, weight: f64) -> String {
+fn amount(channel: &str, weight: f64) -> String {
     if channel.ends_with("_rad") {
         format!("{:.2} deg", weight.to_degrees())
     } else if channel.ends_with("_radps") {
@@ -20,7 +20,7 @@ fn say(e: &Effect) -> String {
     weight.sort_by(|a, b| b.1.total_cmp(a.1));
     let weight: Vec<String> = weight
         .iter()
-        .map(|(c, w)| format!("{c} {}", told(c, **w)))
+        .map(|(c, w)| format!("{c} {}", amount(c, **w)))
         .take(2)
         .collect();
     let numbers: Vec<String> = e
@@ -68,7 +68,10 @@ pub fn sentence(v: &Verdict, against: &[String]) -> String {
                 .iter()
                 .map(|s| format!("[{}]", s.join(" + ")))
                 .collect();
-            format!("These data cannot tell apart: {}{also}.", sets.join(" or "))
+            format!(
+                "These data cannot distinguish: {}{also}.",
+                sets.join(" or ")
+            )
         }
         Word::Unknown if v.unexplained.is_empty() => {
             let found = match heavy.is_empty() {
@@ -84,7 +87,7 @@ pub fn sentence(v: &Verdict, against: &[String]) -> String {
                 false => format!("; beside it {}", heavy.join(" and ")),
             };
             format!(
-                "Something that no effect of the vocabulary explains: {}{beside}{also}.",
+                "Something that no effect of the library explains: {}{beside}{also}.",
                 terms.join("; ")
             )
         }

@@ -1,4 +1,4 @@
-//! A force without a name in closed form: the expression in words, with what its numbers are known to.
+//! A force of no known effect in closed form: the expression in words, with what its numbers are known to.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::found::Judged;
 use crate::verdict::{ClosedForm, ESTABLISHED, Piece, Value, WrittenForm};
 
 /// A number with its sd to two digits of that.
-fn told(v: &Value) -> String {
+fn written(v: &Value) -> String {
     match v.sd.filter(|s| *s > 0.0) {
         Some(sd) => {
             let digits = (1.0 - sd.log10().floor()).clamp(0.0, 9.0) as usize;
@@ -32,12 +32,12 @@ fn expression(place: usize, [force, at, width]: &[Value; NUMBERS], c: &str) -> S
     };
     let per = |by: f64| {
         let sd = force.sd.map(|sd| sd / by);
-        told(&Value {
+        written(&Value {
             value: force.value / by,
             sd,
         })
     };
-    let (a, b, w) = (told(force), told(at), told(width));
+    let (a, b, w) = (written(force), written(at), written(width));
     let from = format!("{s} - {b}");
     let made = match shape {
         Shape::None => String::new(),
@@ -177,14 +177,14 @@ impl Judged<'_> {
             .iter()
             .map(|f| format!("{} (probability {:.3})", f.expression, f.probability))
             .collect();
-        let told = match (sure, closed.stands, &closed.left_out) {
+        let sentence = match (sure, closed.stands, &closed.left_out) {
             (true, ..) => format!("in closed form {}", several[0]),
             (_, true, _) => format!(
                 "its closed form is not decided: {}; or none (probability {none:.3})",
                 several.join("; or ")
             ),
             (_, _, Some(_)) => {
-                "no closed form: the likeliest foretells runs left out worse than the table"
+                "no closed form: the likeliest predicts held-out runs worse than the table"
                     .to_owned()
             }
             _ => {
@@ -206,7 +206,7 @@ impl Judged<'_> {
             force_at: at.unwrap_or_default(),
             left_out: left_out.map_or_else(BTreeMap::new, |l| channels(&l.0)),
             left_out_table: left_out.map_or_else(BTreeMap::new, |l| channels(&l.1)),
-            told,
+            sentence,
         })
     }
 }

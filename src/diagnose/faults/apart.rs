@@ -122,17 +122,17 @@ mod tests {
         assert!(used[98..104].iter().all(|u| *u));
     }
 
-    /// A carriage that is thrown about by its drive between quiet stretches: rough, but no outlier.
+    /// A carriage that is thrown about by its drive between quiet stretches: shaken, but no outlier.
     #[test]
-    fn rough_motion_is_no_outlier_and_many_outliers_are() {
+    fn shaken_motion_is_no_outlier_and_many_outliers_are() {
         let times: Vec<f64> = (0..600).map(|k| 0.04 * f64::from(k)).collect();
-        let rough = |k: usize| (k * 7919 % 101) as f64 / 50.0 - 1.0;
+        let shake = |k: usize| (k * 7919 % 101) as f64 / 50.0 - 1.0;
         let shaken: Vec<f64> = times
             .iter()
             .enumerate()
             .map(|(k, t)| {
                 let shaking = if (k / 60) % 5 == 4 { 2e-3 } else { 0.0 };
-                1e-5 * rough(k) + shaking * (17.0 * t).sin() + 0.1 * (0.5 * t).sin()
+                1e-5 * shake(k) + shaking * (17.0 * t).sin() + 0.1 * (0.5 * t).sin()
             })
             .collect();
         let left_out = not_apart(&times, &shaken).iter().filter(|u| !**u).count();
@@ -142,11 +142,11 @@ mod tests {
             .enumerate()
             .map(|(k, t)| {
                 let hit = if k * 31 % 257 % 8 == 3 {
-                    0.2 * rough(k + 7)
+                    0.2 * shake(k + 7)
                 } else {
                     0.0
                 };
-                1.5e-4 * rough(k) + hit + 0.1 * (0.5 * t).sin()
+                1.5e-4 * shake(k) + hit + 0.1 * (0.5 * t).sin()
             })
             .collect();
         let left_out = not_apart(&times, &struck).iter().filter(|u| !**u).count();

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn velocities_of_the_tank_and_a_yaw_rate_called_p_are_told() {
+    fn velocities_of_the_tank_and_a_yaw_rate_called_p_are_reported() {
         let rig = Rig::builtin("lshpi").unwrap();
         let kinds = |run: &Run| -> Vec<String> {
             kinematics(run, &rig).into_iter().map(|f| f.fault).collect()

@@ -90,7 +90,7 @@ fn shape(optics: &Optics, plain: &Optics) -> Optics {
 }
 
 /// Every effect that moves the stripe and that the rig does not know of.
-pub fn vocabulary(base: &Base) -> Vec<Candidate> {
+pub fn library(base: &Base) -> Vec<Candidate> {
     ALL.iter()
         .copied()
         .filter(|info| info.stage == Stage::Measurement && !base.knows(info))
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn the_registry_says_what_moves_the_stripe() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let all = vocabulary(&Base::new(&rig).unwrap());
+        let all = library(&Base::new(&rig).unwrap());
         let ids: Vec<&str> = all.iter().map(|c| c.info.id).collect();
         assert_eq!(
             ids,

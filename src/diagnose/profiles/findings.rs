@@ -4,9 +4,9 @@ mod effects;
 mod figures;
 mod level;
 mod lit;
-mod told;
+mod sentence;
 
-use super::candidate::{Base, Candidate, vocabulary};
+use super::candidate::{Base, Candidate, library};
 use super::fit::Problem;
 use super::geometry::Geometry;
 use super::observe::{self, ImageRun};
@@ -65,7 +65,7 @@ pub struct Findings {
     pub word: Word,
     /// Heaviest first.
     pub effects: Vec<Effect>,
-    /// Complete sets that the frames cannot tell apart; empty where one stands out.
+    /// Complete sets that the frames cannot distinguish; empty where one stands out.
     pub equivalent: Vec<Vec<String>>,
     /// Entries for the rig file.
     pub entries: Vec<PhysicsEntry>,
@@ -73,7 +73,7 @@ pub struct Findings {
     pub log_odds: f64,
     /// log posterior without effects \[nat\].
     pub score_of_nothing: f64,
-    /// Light that no effect of the vocabulary makes, in words.
+    /// Light that no effect of the library makes, in words.
     pub unnamed_light: Option<String>,
     /// Fit and prediction \[px\].
     pub fit: FitTable,
@@ -132,7 +132,7 @@ pub fn explain(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Findings, ImageError> {
     let base = Base::new(rig)?;
-    let candidates = vocabulary(&base);
+    let candidates = library(&base);
     let plain = base.optics(&[]).ok_or(ImageError::NoPose)?;
     // What lights the picture comes first: rows, widths and edges are read from the frames without it.
     let look = |geometry| Lit::new(runs, rig, &base, geometry, candidates.len(), progress);
@@ -142,7 +142,7 @@ pub fn explain(
     let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
     // Where the rays go otherwise than the rig says, so do the angles of the laser's fan.
     let other;
-    if let Some(geometry) = bent(&problem, &candidates, &found) {
+    if let Some(geometry) = misfit(&problem, &candidates, &found) {
         let again = look(geometry);
         if again.ids() != lit.ids() {
             cleared = enough(&again.runs, runs)?;
@@ -164,7 +164,7 @@ pub fn explain(
 }
 
 /// The geometry of the best explanation, where it has effects.
-fn bent(problem: &Problem<'_>, candidates: &[Candidate], found: &Searched) -> Option<Geometry> {
+fn misfit(problem: &Problem<'_>, candidates: &[Candidate], found: &Searched) -> Option<Geometry> {
     let best = found.best();
     let chosen: Vec<&Candidate> = best.effects.iter().map(|k| &candidates[*k]).collect();
     (!chosen.is_empty())

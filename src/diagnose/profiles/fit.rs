@@ -1,7 +1,7 @@
 //! Poses of all frames, what they share, and an explanation's parameters, fitted together.
 //!
 //! Gauss–Newton on the log posterior; noise beyond the measurements' own (`floors`) and the
-//! vehicle's wobble are chosen by evidence at every step, so that each explanation is judged
+//! vehicle's motion prior are chosen by evidence at every step, so that each explanation is judged
 //! with the noise it needs itself.
 
 mod linear;
@@ -12,7 +12,7 @@ use super::candidate::{Base, Candidate};
 use super::geometry::Geometry;
 use super::model::{Belongs, Kind, Shared, Widths};
 use super::observe::{ImageRun, Seen};
-use super::prior::{FIRST, Motion, Wobbles};
+use super::prior::{FIRST, Motion, MotionPriors};
 use super::start;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectInfo;
@@ -22,7 +22,7 @@ use work::Work;
 /// Poses are fitted in mm and mrad.
 pub(super) const UNIT: f64 = 1e-3;
 const ITERATIONS: usize = 40;
-/// Times that the wobbles are chosen at most.
+/// Times that the motion priors are chosen at most.
 const CHOICES: usize = 14;
 /// First steps, at which they are chosen each time.
 const EARLY: usize = 3;
@@ -53,8 +53,8 @@ pub struct State {
     pub shared: Vec<f64>,
     /// Numbers per effect, as in the registry.
     pub numbers: Vec<Vec<f64>>,
-    /// How the vehicle wobbles.
-    pub wobbles: Wobbles,
+    /// How the vehicle moves beside its model.
+    pub motion_priors: MotionPriors,
     /// Spread beyond the measurements' own, per [`Kind`] \[px\].
     pub floors: [f64; 3],
 }
@@ -135,20 +135,20 @@ impl<'a> Problem<'a> {
             poses,
             shared: vec![0.0; self.shared.len()],
             numbers: Vec::new(),
-            wobbles: FIRST,
+            motion_priors: FIRST,
             floors: Kind::ALL.map(|k| k.floors().1),
         }
     }
 
-    /// A state with these numbers at the poses that they give the frames; see [`start::poses`] for `roughly`.
+    /// A state with these numbers at the poses that they give the frames; see [`start::poses`] for `coarse`.
     pub fn placed(
         &self,
         effects: &[&Candidate],
         numbers: Vec<Vec<f64>>,
-        roughly: bool,
+        coarse: bool,
     ) -> Option<State> {
         let g = self.geometry(effects, &numbers)?;
-        let poses = start::poses(self.rig, &g, self.runs, &self.motions, roughly)?;
+        let poses = start::poses(self.rig, &g, self.runs, &self.motions, coarse)?;
         Some(State {
             numbers,
             ..self.first(poses)
@@ -198,13 +198,13 @@ impl<'a> Problem<'a> {
             state: from,
         };
         let mut best = work.linear()?;
-        // Choosing the wobbles takes most of the time, and chosen before the rest has settled they
+        // Choosing the motion priors takes most of the time, and chosen before the rest has settled they
         // make up for what is wrong with it: at once only where nothing is known of them yet.
-        let fresh = work.state.wobbles == FIRST;
+        let fresh = work.state.motion_priors == FIRST;
         let mut solved = if fresh {
             work.choose(&best)
         } else {
-            work.solve(&best, &work.state.wobbles)
+            work.solve(&best, &work.state.motion_priors)
         };
         let mut chosen = 1;
         for iteration in 0..ITERATIONS {
@@ -236,13 +236,13 @@ impl<'a> Problem<'a> {
             best = again;
             let settled = after - before < SETTLED && share == 1.0 && same && change < 0.03;
             if !settled && (iteration >= EARLY || !fresh) {
-                solved = work.solve(&best, &work.state.wobbles);
+                solved = work.solve(&best, &work.state.motion_priors);
                 continue;
             }
-            let wobbles = work.state.wobbles;
+            let motion_priors = work.state.motion_priors;
             solved = work.choose(&best);
             chosen += 1;
-            if settled && (work.state.wobbles == wobbles || chosen > CHOICES) {
+            if settled && (work.state.motion_priors == motion_priors || chosen > CHOICES) {
                 break;
             }
         }
@@ -253,7 +253,12 @@ impl<'a> Problem<'a> {
 
 impl Problem<'_> {
     /// The same without a step: what the fit would find were all linear.
-    pub fn glance(&self, candidates: &[Candidate], effects: &[usize], at: State) -> Option<Fitted> {
+    pub fn screened(
+        &self,
+        candidates: &[Candidate],
+        effects: &[usize],
+        at: State,
+    ) -> Option<Fitted> {
         let work = Work {
             problem: self,
             chosen: effects.iter().map(|k| &candidates[*k]).collect(),
@@ -261,23 +266,23 @@ impl Problem<'_> {
             state: at,
         };
         let linear = work.linear()?;
-        let (_, log_evidence, l) = work.solve(&linear, &work.state.wobbles)?;
+        let (_, log_evidence, l) = work.solve(&linear, &work.state.motion_priors)?;
         work.finish(linear, log_evidence, &l, effects)
     }
 }
 
 impl Fitted {
     /// Says to the log where the fit ended.
-    pub(super) fn told(&self, what: &str) {
+    pub(super) fn trace(&self, what: &str) {
         tracing::debug!(
             effects = ?self.effects,
             log_evidence = self.log_evidence,
             simpler = self.simpler,
             rms_px = ?Kind::ALL.map(|k| self.rms_px(k)),
             floors_px = ?self.state.floors,
-            wobble_sds = ?self.state.wobbles.map(|w| w.sd),
-            wobble_tau_s = ?self.state.wobbles.map(|w| w.tau_s),
-            wobble_drives = ?self.state.wobbles.map(|w| w.drive),
+            motion_sds = ?self.state.motion_priors.map(|w| w.sd),
+            motion_tau_s = ?self.state.motion_priors.map(|w| w.tau_s),
+            motion_drives = ?self.state.motion_priors.map(|w| w.drive),
             shared = ?self.state.shared,
             numbers = ?self.state.numbers,
             "{what}"

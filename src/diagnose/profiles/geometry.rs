@@ -2,7 +2,7 @@
 //!
 //! A stripe point at (column, row) on a surface at height h fulfils F = 0, F = distance of the
 //! ray's point at that height from the sheet. Nothing is projected: F and its slope along the
-//! column say how far a measured row is off, the same for every optics, bent rays included.
+//! column say how far a measured row is off, the same for every optics, refracted rays included.
 
 use hydroline_calib::Pose;
 use hydroline_pose::outline::Surfaces;
@@ -150,7 +150,7 @@ impl Geometry {
     pub fn meet(&self, placed: &Placed, ray: &Ray, height_m: f64) -> Option<Meeting> {
         let from = placed.at_m + placed.to_tank * ray.from_m;
         let along = placed.to_tank * ray.along;
-        // Height above the floor: -z - slope X (physics.md, floor_slope).
+        // Height above the floor: -z - slope X (theory/physics.md, measurement: floor_slope).
         let slope = self.optics.floor_slope;
         let down = along.z + slope * along.x;
         let t = (-height_m - from.z - slope * from.x) / down;

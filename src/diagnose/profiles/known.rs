@@ -4,7 +4,7 @@
 //! the model with all that is there is worth more than the one without it, by what establishes it. Compared with what a
 //! search found, it tells a search that failed from frames that cannot show more.
 
-use super::candidate::{Base, Candidate, vocabulary};
+use super::candidate::{Base, Candidate, library};
 use super::findings::{ImageError, moving, problem};
 use super::fit::{Fitted, Free, Problem};
 use super::geometry::Geometry;
@@ -28,7 +28,7 @@ pub fn shown(
     truth: &[PhysicsEntry],
 ) -> Result<Vec<bool>, ImageError> {
     let base = Base::new(rig)?;
-    let candidates = vocabulary(&base);
+    let candidates = library(&base);
     let known = check(truth)?;
     let moves = |e: &CheckedEffect| candidates.iter().position(|c| c.info.id == e.info.id);
     let moved: Vec<(usize, &CheckedEffect)> = (known.iter())
@@ -86,7 +86,7 @@ fn without_one(
     let effects: Vec<usize> = kept().map(|(k, _)| *k).collect();
     problem
         .fit(candidates, &effects, begin, Free::All)
-        .inspect(|f| f.told("truth"))
+        .inspect(|f| f.trace("truth"))
 }
 
 /// Poses of frames in which there is no effect, as the profiles give them; `None` where they give none.
@@ -95,7 +95,7 @@ fn without_one(
 /// [`ImageError`].
 pub fn poses(runs: &[ImageRun], rig: &Rig) -> Result<Option<Vec<Poses>>, ImageError> {
     let base = Base::new(rig)?;
-    let candidates = vocabulary(&base);
+    let candidates = library(&base);
     let runs = moving(runs);
     let problem = problem(&runs, rig, base)?;
     let fit = without_one(&problem, &candidates, &[], None);

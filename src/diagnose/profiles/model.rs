@@ -113,8 +113,8 @@ pub struct Belongs {
     pub bins: Vec<usize>,
     /// (height, top, side of its outline) per edge; `None`: none that could be it.
     pub edges: Vec<Option<(usize, usize, usize)>>,
-    /// How near a corner each edge lies: its column is doubtful by this \[px\].
-    pub doubt_px: Vec<f64>,
+    /// How near a corner each edge lies: its column has this sd besides \[px\].
+    pub corner_sd_px: Vec<f64>,
 }
 
 impl Belongs {
@@ -124,9 +124,9 @@ impl Belongs {
     }
 }
 
-/// Lengths along a side within which a corner bends what is seen of it \[m\].
+/// Lengths along a side within which a corner distorts what is seen of it \[m\].
 const CORNER_M: f64 = 0.012;
-/// Doubt of an edge at a corner \[px\]: there the light's fading is no longer symmetric.
+/// Sd of an edge at a corner \[px\]: there the light's fading is no longer symmetric.
 const CORNER_PX: f64 = 3.0;
 /// Farthest that an edge may be from its side \[px\].
 const FAR_PX: f64 = 40.0;
@@ -201,22 +201,22 @@ pub fn belongs(g: &Geometry, p: &Placed, rays: &Rays, seen: &Seen) -> Belongs {
                 .min_by(|a, b| a.2.total_cmp(&b.2))
         });
         out.edges.push(side.map(|(k, s, ..)| (level, k, s)));
-        out.doubt_px.push(side.map_or(0.0, |(.., inside)| {
+        out.corner_sd_px.push(side.map_or(0.0, |(.., inside)| {
             CORNER_PX * (1.0 - inside / CORNER_M).clamp(0.0, 1.0).powi(2)
         }));
     }
     out
 }
 
-/// One measurement of a frame: kind, own sd, and what else is doubtful.
+/// One measurement of a frame: kind, own sd, and sd of what else is uncertain.
 pub fn kinds(seen: &Seen, belongs: &Belongs) -> Vec<(Kind, f64)> {
     let rows = seen.bins.iter().map(|b: &Bin| (Kind::Row, b.sd_px));
     let widths = seen.bins.iter().map(|b| (Kind::Width, b.sigma_sd_px));
     let ends = seen
         .edges
         .iter()
-        .zip(&belongs.doubt_px)
-        .map(|(e, doubt): (&Edge, &f64)| (Kind::End, e.sd_px.hypot(*doubt)));
+        .zip(&belongs.corner_sd_px)
+        .map(|(e, corner_sd_px): (&Edge, &f64)| (Kind::End, e.sd_px.hypot(*corner_sd_px)));
     rows.chain(widths).chain(ends).collect()
 }
 

@@ -1,5 +1,5 @@
 //! How a vehicle moves between frames: the rig's own motion, its coefficients uncertain, and a
-//! wobble whose size and pace the data decide.
+//! disturbance whose size and correlation time the data decide.
 //!
 //! Per run and DOF the pose at the frames' stamps is normal about what the rig's model does with
 //! the logged commands, with covariance
@@ -32,7 +32,7 @@ const HEADING_SD: f64 = 0.1;
 
 /// What the data decide about one DOF.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wobble {
+pub struct MotionPrior {
     /// Standard deviation \[m\], \[rad\].
     pub sd: f64,
     /// Correlation time \[s\].
@@ -41,18 +41,18 @@ pub struct Wobble {
     pub drive: f64,
 }
 
-/// Wobbles of the six DOFs.
-pub type Wobbles = [Wobble; 6];
+/// MotionPriors of the six DOFs.
+pub type MotionPriors = [MotionPrior; 6];
 
 /// Where a search for them starts.
-pub const FIRST: Wobbles = {
-    // Wide, so that a first guess far off is let go.
-    let position = Wobble {
+pub const FIRST: MotionPriors = {
+    // Wide, so that a first guess far off is given up.
+    let position = MotionPrior {
         sd: 0.03,
         tau_s: 2.0,
         drive: 1e-7,
     };
-    let angle = Wobble {
+    let angle = MotionPrior {
         sd: 0.1,
         tau_s: 2.0,
         drive: 1e-7,
@@ -70,11 +70,11 @@ pub struct Motion {
     regressors: [Vec<DVector<f64>>; 6],
     /// DOFs that commands drive.
     pub driven: [bool; 6],
-    /// Precisions asked for before, by DOF and wobble: fits walk the same few steps of each number.
+    /// Precisions asked for before, by DOF and motion prior: fits walk the same few steps of each number.
     asked: Arc<RwLock<HashMap<Asked, Arc<Precision>>>>,
 }
 
-/// A DOF and the bits of its wobble.
+/// A DOF and the bits of its motion prior.
 type Asked = (usize, [u64; 3]);
 
 /// Inverse of a DOF's covariance in the fit's units, and half the covariance's log determinant.
@@ -131,17 +131,19 @@ impl Motion {
     }
 
     /// Precision of a DOF in the fit's units; `None` where the covariance is none.
-    pub fn precision(&self, dof: usize, wobble: &Wobble) -> Option<Arc<Precision>> {
+    pub fn precision(&self, dof: usize, motion_prior: &MotionPrior) -> Option<Arc<Precision>> {
         let key = (
             dof,
-            [wobble.sd, wobble.tau_s, wobble.drive].map(f64::to_bits),
+            [motion_prior.sd, motion_prior.tau_s, motion_prior.drive].map(f64::to_bits),
         );
         if let Ok(asked) = self.asked.read()
             && let Some(known) = asked.get(&key)
         {
             return Some(Arc::clone(known));
         }
-        let found = Arc::new(precision(self.covariance(dof, wobble) / (UNIT * UNIT))?);
+        let found = Arc::new(precision(
+            self.covariance(dof, motion_prior) / (UNIT * UNIT),
+        )?);
         if let Ok(mut asked) = self.asked.write()
             && asked.len() * self.frames().pow(2) < KEPT
         {
@@ -151,16 +153,17 @@ impl Motion {
     }
 
     /// Covariance of a DOF \[m²\], \[rad²\].
-    fn covariance(&self, dof: usize, wobble: &Wobble) -> DMatrix<f64> {
+    fn covariance(&self, dof: usize, motion_prior: &MotionPrior) -> DMatrix<f64> {
         let n = self.times_s.len();
         let start_s = self.times_s.first().copied().unwrap_or(0.0);
         let mut k = DMatrix::from_fn(n, n, |i, j| {
             let (a, b) = (self.times_s[i], self.times_s[j]);
-            let mut v = wobble.sd * wobble.sd * (-(a - b).abs() / wobble.tau_s).exp();
+            let mut v =
+                motion_prior.sd * motion_prior.sd * (-(a - b).abs() / motion_prior.tau_s).exp();
             if self.driven[dof] {
                 // Twice integrated white noise (Wahba 1978): t²(3T − t)/6, t the earlier.
                 let (early, late) = (a.min(b) - start_s, a.max(b) - start_s);
-                v += wobble.drive * early * early * (3.0 * late - early) / 6.0;
+                v += motion_prior.drive * early * early * (3.0 * late - early) / 6.0;
             }
             if i == j { v + LEAST * LEAST } else { v }
         });

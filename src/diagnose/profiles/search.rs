@@ -26,11 +26,11 @@ const REPOSED: usize = 3;
 pub(super) const ANY_PX: [f64; 3] = [60.0, 5.0, 60.0];
 /// Log posterior within which explanations are compared from equal starts.
 const CLOSE: f64 = 40.0;
-/// log evidence that an effect more must promise.
+/// log evidence that an effect more must have predicted.
 const PROMISING: f64 = 0.5;
 /// Explanations that are built upon.
 const BEAM: usize = 3;
-/// log evidence that a start elsewhere must promise \[nat\].
+/// log evidence that a start elsewhere must have predicted \[nat\].
 const GAIN: f64 = 1.0;
 /// Rounds in which explanations give each other what they found, at most.
 const SHARED: usize = 6;
@@ -225,14 +225,14 @@ pub fn search(
     sort(&mut all);
     let nothing = all.iter().find(|f| f.effects.is_empty())?.clone();
     for f in all.iter().take(3 * BEAM) {
-        f.told("explanation");
+        f.trace("explanation");
     }
     Some(Searched { nothing, all })
 }
 
 /// Tries in place of the best explanation's effects another one each, and each alone, from the poses
 /// that the best ended in: an effect whose own fit began where the rig's camera puts the vehicle may
-/// have stopped far from its best, and two others together imitate it.
+/// have stopped far from its best, and two others together fit as well.
 fn exchange(
     problem: &Problem<'_>,
     candidates: &[Candidate],
@@ -276,10 +276,10 @@ fn exchange(
     }
 }
 
-/// A state at which nothing passes for stray and any wobble may come.
+/// A state at which nothing passes for stray and any motion prior may come.
 fn unsure(state: &State) -> State {
     State {
-        wobbles: FIRST,
+        motion_priors: FIRST,
         floors: ANY_PX,
         ..state.clone()
     }
@@ -313,7 +313,7 @@ fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>)
     }
 }
 
-/// Gives explanations that are close the wobbles of each other to start from: which of several local
+/// Gives explanations that are close the motion priors of each other to start from: which of several local
 /// optima a fit ends in must not decide between them. Whether any became better.
 fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) -> bool {
     let top = all.first().map_or(0.0, Searched::score);
@@ -326,9 +326,9 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
     let mut tries: Vec<(Fitted, State)> = Vec::new();
     for to in &close {
         for from in close.iter().take(BEAM) {
-            if from.state.wobbles != to.state.wobbles {
+            if from.state.motion_priors != to.state.motion_priors {
                 let state = State {
-                    wobbles: from.state.wobbles,
+                    motion_priors: from.state.motion_priors,
                     ..to.state.clone()
                 };
                 tries.push((to.clone(), state));
@@ -348,7 +348,7 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
 ///
 /// Two things are owed. An effect more can do nothing, so a set is worth at least what it is where a
 /// part of it ended. And a frame lies on one flank of one hexagon whatever moved the stripe: where
-/// the best has its measurements belong elsewhere, the others try them there too, with its wobbles.
+/// the best has its measurements belong elsewhere, the others try them there too, with its motion priors.
 fn share(
     problem: &Problem<'_>,
     candidates: &[Candidate],
@@ -396,10 +396,10 @@ fn share(
         progress("what one found of the frames, for the others");
         let found: Vec<Fitted> = tries
             .into_par_iter()
-            .filter_map(|(effects, begin, promise)| {
-                if let Some(least) = promise
+            .filter_map(|(effects, begin, least_gain)| {
+                if let Some(least) = least_gain
                     && problem
-                        .glance(candidates, &effects, begin.clone())?
+                        .screened(candidates, &effects, begin.clone())?
                         .log_evidence
                         < least
                 {
@@ -432,17 +432,17 @@ impl Tried {
     }
 }
 
-/// `to` with the wobbles of `from` and with the frames whose measurements belong elsewhere in `from`
+/// `to` with the motion priors of `from` and with the frames whose measurements belong elsewhere in `from`
 /// moved there: as far off `from`'s poses as the nearest frame is in which both agree. `None` where
-/// they agree in all frames and in the wobbles.
+/// they agree in all frames and in the motion priors.
 fn taken_over(to: &Fitted, from: &Fitted) -> Option<State> {
     let agree: Vec<bool> = (to.belongs.iter())
         .zip(&from.belongs)
         .map(|(a, b)| a.agrees(b))
         .collect();
     // A stiff path with scattered ends of tops and a path that follows them are two optima of their
-    // own: the wobbles alone are reason enough.
-    if agree.iter().all(|a| *a) && to.state.wobbles == from.state.wobbles {
+    // own: the motion priors alone are reason enough.
+    if agree.iter().all(|a| *a) && to.state.motion_priors == from.state.motion_priors {
         return None;
     }
     let mut poses = from.state.poses.clone();
@@ -458,7 +458,7 @@ fn taken_over(to: &Fitted, from: &Fitted) -> Option<State> {
     let least = Kind::ALL.map(|k| k.floors().1);
     Some(State {
         poses,
-        wobbles: from.state.wobbles,
+        motion_priors: from.state.motion_priors,
         floors: std::array::from_fn(|k| to.state.floors[k].max(least[k])),
         ..to.state.clone()
     })
@@ -491,17 +491,17 @@ fn extend(
             progress(&names.join(" + "));
             let mut begin = f.state.clone();
             begin.numbers.push(candidates[k].neutral.clone());
-            // Onto what explains the frames already, only what promises something is worth a fit.
+            // Onto what explains the frames already, only what has a predicted gain is worth a fit.
             if !f.effects.is_empty() {
-                let seen = problem.glance(candidates, &effects, begin.clone())?;
+                let seen = problem.screened(candidates, &effects, begin.clone())?;
                 if seen.log_evidence < f.log_evidence + PROMISING {
                     return None;
                 }
             }
-            // The wobbles of nothing make up for the very effect that is looked for: new ones too.
+            // The motion priors of nothing make up for the very effect that is looked for: new ones too.
             let single = f.effects.is_empty();
             let anew = single.then(|| State {
-                wobbles: FIRST,
+                motion_priors: FIRST,
                 ..begin.clone()
             });
             let fits = std::iter::once(begin)
@@ -527,7 +527,7 @@ fn reposed(problem: &Problem<'_>, candidates: &[Candidate], fit: &Fitted) -> Opt
 
 /// A fit that leaves rows or ends of tops far off has numbers that are about right and frames that lie
 /// on the wrong side of a step; and one that is better than `than` may still have single frames on the
-/// other flank of a hexagon, where a wobble makes up for them. Poses found anew under its numbers lead on.
+/// other flank of a hexagon, where a disturbance makes up for them. Poses found anew under its numbers lead on.
 fn settled(
     problem: &Problem<'_>,
     candidates: &[Candidate],

@@ -49,7 +49,7 @@ impl PlaneMap for SheetMap {
     }
 
     fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {
-        // Newton from the image's middle: the map bends little.
+        // Newton from the image's middle: the map is nearly affine.
         let (mut c, mut r) = (
             0.5 * f64::from(self.image.width_px),
             0.5 * f64::from(self.image.height_px),
@@ -87,14 +87,14 @@ impl SheetMap {
 
 /// Poses of all frames of all runs under a geometry; `None` where too few frames give one.
 ///
-/// `roughly` = from the steps first, level: a hypothesis among many is not worth the grey levels'
+/// `coarse` = from the steps first, level: a hypothesis among many is not worth the grey levels'
 /// fit. Frames without get what their neighbours are off the rig's motion.
 pub fn poses(
     rig: &Rig,
     geometry: &Geometry,
     runs: &[ImageRun],
     motions: &[Motion],
-    roughly: bool,
+    coarse: bool,
 ) -> Option<Vec<Vec<[f64; 6]>>> {
     let map = SheetMap {
         geometry: geometry.clone(),
@@ -123,8 +123,8 @@ pub fn poses(
                 Some((fit.pose, fit.measured))
             };
             // Where the grey levels do not fit, steps and lines may still say about where it is.
-            let steps = || rough(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6]));
-            let fit = if roughly {
+            let steps = || coarse_pose(&fitter, seen, mean[0] + last[0]).map(|p| (p, [true; 6]));
+            let fit = if coarse {
                 steps().or_else(grey)
             } else {
                 grey().or_else(steps)
@@ -148,7 +148,7 @@ pub fn poses(
 }
 
 /// A place where the steps lie on the target, θ = 0: the nearest to `x_m`.
-fn rough(fitter: &PoseFitter, seen: &Seen, x_m: f64) -> Option<Pose> {
+fn coarse_pose(fitter: &PoseFitter, seen: &Seen, x_m: f64) -> Option<Pose> {
     let levels = fitter.levels(&seen.image, &seen.profile).ok()?;
     if levels.steps.is_empty() {
         return Some(initial::level_pose(&levels, fitter.mounts(), 0.0)).map(|p| Pose { x_m, ..p });

@@ -9,7 +9,7 @@ use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 const BEFORE: Colour = Colour::VERMILLION;
 const AFTER: Colour = Colour::BLUE;
 const STRONG: Colour = Colour::GREEN;
-/// Command edges are marks only where they can be told apart.
+/// Command edges are marks only where they can be distinguished.
 const MARKS: usize = 40;
 
 fn marks(trace: &Trace) -> Vec<f64> {
@@ -93,7 +93,7 @@ pub(super) fn whiteness(shown: &Shown, traces: &[Trace]) -> Option<Figure> {
 }
 
 /// What the model without effects leaves of a run: `more` = windows with more than noise,
-/// `strong` = windows in which the free force is strong \[s\].
+/// `strong` = windows in which the unnamed force is strong \[s\].
 pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figure {
     let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);
@@ -107,7 +107,7 @@ pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figur
     Figure::stack(title, vec![panel])
 }
 
-/// A force without a name over its variable: the table with its band, and the likeliest closed form.
+/// A force of no known effect over its variable: the table with its band, and the likeliest closed form.
 pub(super) fn without_a_name(u: &Unexplained) -> Figure {
     let linear = ["x", "y", "z", "u", "v", "w"].iter();
     let mut linear = linear.filter(|c| u.channel.starts_with(&format!("{c}_")));
@@ -117,7 +117,7 @@ pub(super) fn without_a_name(u: &Unexplained) -> Figure {
     };
     let within_sd = u.knots.iter().zip(u.force_at.iter().zip(&u.force_sd));
     let within_sd = within_sd.map(|(x, (a, sd))| [*x, a - sd, a + sd]).collect();
-    let title = format!("force without a name over {}", u.depends_on);
+    let title = format!("force of no known effect over {}", u.depends_on);
     let mut panel = Panel::new(
         title.clone(),
         Axis::new(u.depends_on.clone()),

@@ -138,7 +138,7 @@ pub(super) fn unexplained(b: &mut Body, v: &Verdict) {
     if v.unexplained.is_empty() {
         return;
     }
-    b.section("What nothing in the vocabulary explains");
+    b.section("What nothing in the library explains");
     b.list(v.unexplained.iter().map(|u| {
         format!(
             "{}: {} (weight {}, log Bayes factor {:.1})",
@@ -157,7 +157,7 @@ pub(super) fn alternatives(b: &mut Body, v: &Verdict) {
     b.section("Alternatives, and why they lost");
     if v.equivalent.len() > 1 {
         b.paragraph(
-            Inline::from("These data cannot tell apart: ")
+            Inline::from("These data cannot distinguish: ")
                 .strong(super::together(v))
                 .plain("."),
         );
@@ -193,20 +193,20 @@ pub(super) fn alternatives(b: &mut Body, v: &Verdict) {
 }
 
 /// The heavy effects in the order of what they gain.
-pub(super) fn ladder(b: &mut Body, v: &Verdict) {
-    if v.ladder.len() < 2 {
+pub(super) fn ablation(b: &mut Body, v: &Verdict) {
+    if v.ablation.len() < 2 {
         return;
     }
     b.section("What each effect gains");
     b.paragraph("One after the other, each time the one that improves the prediction most, all refitted together.");
     let mut table = Table::new(["", "fitted rms", "held-out rms"]);
-    for rung in &v.ladder {
-        let name = if rung.effect.is_empty() {
+    for step in &v.ablation {
+        let name = if step.effect.is_empty() {
             "the vehicle alone".to_owned()
         } else {
-            format!("+ {}", rung.effect)
+            format!("+ {}", step.effect)
         };
-        table.row([name, amounts(&rung.train), amounts(&rung.held_out)]);
+        table.row([name, amounts(&step.train), amounts(&step.held_out)]);
     }
     b.table(table);
 }
@@ -326,7 +326,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
     b.table(table);
 }
 
-/// Blind spots, next run, remarks.
+/// What is not identifiable, next run, remarks.
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {

@@ -64,7 +64,7 @@ pub enum LoadError {
     OtherVehicle {
         /// File.
         log: String,
-        /// What tells them apart.
+        /// What distinguishes them.
         differences: String,
     },
     /// A command that is no number.

@@ -21,9 +21,9 @@ const WEAK: f64 = 0.2;
 const TIED: f64 = 0.95;
 /// sd over size above which a coefficient counts as not excited.
 pub(super) const UNEXCITED: f64 = 0.5;
-/// Residual variance over that of the noise at rest below which nobody need be told.
+/// Residual variance over that of the noise at rest below which it is not worth a note.
 const LARGER: f64 = 1.2;
-/// Logged sd over scatter below which nobody need be told.
+/// Logged sd over scatter below which it is not worth a note.
 const SHORT: f64 = 1.2;
 
 impl Fit<'_> {
@@ -40,7 +40,7 @@ impl Fit<'_> {
     ) -> Result<Identification, IdentifyError> {
         let (variance, freedom) = self.variance()?;
         let of_data = self.problem.normal(&self.at)?.hessian;
-        let doubts: Vec<f64> = coefficients.iter().map(|c| c.doubt(rig)).collect();
+        let prior_sds: Vec<f64> = coefficients.iter().map(|c| c.prior_sd(rig)).collect();
         // What is held is known no better than the rig knows it: carried into the others' intervals.
         for i in (0..coefficients.len()).filter(|i| self.held[*i]) {
             if coefficients[i].of_vehicle(&rig.vehicle) == 0.0
@@ -48,7 +48,7 @@ impl Fit<'_> {
             {
                 self.notes.push(format!(
                     "{}: the rig file knows no number; held at 0 and taken as 0 +- {:.3} {} (Table 9's range for this mass) in the other intervals",
-                    coefficients[i].key(), doubts[i], coefficients[i].unit()
+                    coefficients[i].key(), prior_sds[i], coefficients[i].unit()
                 ));
             }
         }
@@ -58,11 +58,11 @@ impl Fit<'_> {
         } else {
             variance
         };
-        // Doubt about the rig does not grow with the noise.
+        // Uncertainty of the rig does not grow with the noise.
         let beside_held = covariance(&beside(&of_data, &self.held)) * scale;
         let count = coefficients.len();
         let mut all = if self.held.iter().any(|h| *h) {
-            self.with_doubts(&of_data, &doubts, scale)
+            self.with_prior_sds(&of_data, &prior_sds, scale)
         } else {
             beside_held.clone()
         };
@@ -237,11 +237,16 @@ impl Fit<'_> {
         Ok(&known * more * &known)
     }
 
-    /// Covariance where what is held is as uncertain as the rig's doubt about it and these data leave it
-    /// (V = (S / scale + doubt^-2)^-1, S the Schur complement of the held), from the covariance beside the held
+    /// Covariance where what is held is as uncertain as the rig's uncertainty about it and these data leave it
+    /// (V = (S / scale + prior_sd^-2)^-1, S the Schur complement of the held), from the covariance beside the held
     /// values and how the estimates move with them: C + D V D^T, D = - C H_held. The sum of information and
-    /// doubt would be the same, but the data may be so much sharper that rounding eats the doubt.
-    fn with_doubts(&self, hessian: &DMatrix<f64>, doubts: &[f64], scale: f64) -> DMatrix<f64> {
+    /// uncertainty would be the same, but the data may be so much sharper that rounding eats the uncertainty.
+    fn with_prior_sds(
+        &self,
+        hessian: &DMatrix<f64>,
+        prior_sds: &[f64],
+        scale: f64,
+    ) -> DMatrix<f64> {
         let n = hessian.nrows();
         let held: Vec<usize> = (0..n).filter(|i| self.held[*i]).collect();
         let mut beside = covariance(&beside(hessian, &self.held));
@@ -261,24 +266,28 @@ impl Fit<'_> {
                 .transpose()
                 .dot(&moves.column(b))
                 .max(if a == b { 0.0 } else { f64::NEG_INFINITY });
-            let doubt = if a == b {
-                doubts[held[a]].max(1e-9).powi(-2)
+            let information = if a == b {
+                prior_sds[held[a]].max(1e-9).powi(-2)
             } else {
                 0.0
             };
-            schur / scale + doubt
+            schur / scale + information
         });
         let mut all = beside * scale;
-        let doubted = Cholesky::new(precision).map_or_else(
-            // Rounding: then the doubt alone.
+        let posterior = Cholesky::new(precision).map_or_else(
+            // Rounding: then the uncertainty alone.
             || {
                 DMatrix::from_fn(held.len(), held.len(), |a, b| {
-                    if a == b { doubts[held[a]].powi(2) } else { 0.0 }
+                    if a == b {
+                        prior_sds[held[a]].powi(2)
+                    } else {
+                        0.0
+                    }
                 })
             },
             |c| c.inverse(),
         );
-        all += &moves * doubted * moves.transpose();
+        all += &moves * posterior * moves.transpose();
         for i in open {
             all[(i, i)] = f64::INFINITY;
         }

@@ -440,7 +440,7 @@ pub(super) fn hold_undetermined(
         let mut worst: Option<(usize, f64)> = None;
         for (i, free) in globals.iter().enumerate().filter(|(i, _)| !held[*i]) {
             // A rig that knows no number gives no size either: what may lie within the search range then. (The
-            // doubt about 0 is nearly twice that: what is as open as this would end on its bound instead.)
+            // uncertainty about 0 is nearly twice that: what is as open as this would end on its bound instead.)
             let size = match free.start {
                 0.0 => (free.high - free.low) / 12f64.sqrt(),
                 said => said,

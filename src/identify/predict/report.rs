@@ -2,7 +2,7 @@
 //! and the commanded load on one time axis.
 
 use super::Prediction;
-use super::beside::Measured;
+use super::residuals::Measured;
 use crate::data::CHANNELS;
 use crate::figures::{BAND_SD, commands, edges};
 use hydroline_report::{Axis, Body, Colour, Figure, Inline, Page, Panel, Quantity, Table, points};
@@ -41,10 +41,10 @@ pub fn pages(
     if made.sd.is_empty() {
         b.warning("No band: the rig's coefficients carry no uncertainty.");
     }
-    if !made.without_doubt.is_empty() {
+    if !made.without_uncertainty.is_empty() {
         b.warning(format!(
             "The band is too narrow: {} carry no uncertainty, and this plan moves their degrees of freedom.",
-            made.without_doubt.join(", ")
+            made.without_uncertainty.join(", ")
         ));
     }
     for words in measured.iter().flat_map(|m| &m.notes) {
@@ -242,7 +242,7 @@ mod tests {
     use super::super::predict;
     use super::*;
     use crate::data::{Command, Run, Sample};
-    use crate::predict::beside::beside;
+    use crate::predict::residuals::beside;
     use hydroline_rigs::Plan;
 
     #[test]

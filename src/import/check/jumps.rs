@@ -103,14 +103,18 @@ pub(super) fn check(place: usize, zero: f64, data: &Imported, options: &Options)
 fn limit(series: &Series<'_>) -> Option<f64> {
     let n = series.values.len();
     let mut steps: Vec<f64> = (1..n).map(|i| series.change(i - 1, i).abs()).collect();
-    let mut bends: Vec<f64> = (2..n)
+    let mut curvatures: Vec<f64> = (2..n)
         .map(|i| (series.change(i - 1, i) - series.change(i - 2, i - 1)).abs())
         .collect();
-    let bend = quantile(&mut bends, 0.95)?;
+    let curvature = quantile(&mut curvatures, 0.95)?;
     steps.retain(|s| *s > 0.0);
     // A coarse instrument stands and steps.
     let coarse = 2 * steps.len() < n;
     let quantum = quantile(&mut steps, 0.5)?;
-    let usual = if coarse { bend.max(quantum) } else { bend };
-    Some(series.options.jump_bends * usual)
+    let usual = if coarse {
+        curvature.max(quantum)
+    } else {
+        curvature
+    };
+    Some(series.options.jump_curvatures * usual)
 }

@@ -19,7 +19,7 @@ use tracks::{Tracks, Vector};
 pub(super) struct Assumed {
     /// Rows may leave channels out: they are compared with lines between the rows that do not.
     pub sparse: bool,
-    /// The file's velocities were along the tank's axes, and have been turned.
+    /// The file's velocities were along the tank's axes, and have been rotated.
     pub in_tank: bool,
 }
 
@@ -250,7 +250,7 @@ fn untold(tracks: &Tracks<'_>, seen: &Distances, assumed: Assumed, clear: bool) 
         .filter(|a| a.is_finite())
         .map(from_axis);
     let yaw = yaw.fold(0.0, f64::max);
-    // A vector and itself turned by an angle differ by 2 sin(angle / 2) of its length.
+    // A vector and itself rotated by an angle differ by 2 sin(angle / 2) of its length.
     let (apart, speed) = (2.0 * (0.5 * yaw).sin(), seen.way.sqrt());
     let words = format!(
         "u_mps, v_mps: the positions do not tell the body's frame from the tank's: the heading stays within {:.1} deg of the tank's x axis, where the two differ by at most {:.0} % of the speed ({:.4} of {speed:.3} m/s)",

@@ -13,7 +13,7 @@ pub struct Options {
     pub gains: [f64; 2],
     /// The same of two values that stand still, which a bias or a current may be part of.
     pub gains_steady: [f64; 2],
-    /// A correlation from which on a sign or a unit can be told.
+    /// A correlation from which on a sign or a unit can be determined.
     pub follows_correlation: f64,
     /// A correlation below which nothing follows.
     pub apart_correlation: f64,
@@ -43,7 +43,7 @@ pub struct Options {
     /// Rows of a channel that are looked at for jumps: fewer tell nothing of what is usual.
     pub jump_rows: usize,
     /// A jump is this many times what nineteen of twenty rows do.
-    pub jump_bends: f64,
+    pub jump_curvatures: f64,
     /// No vehicle is pushed harder \[m/s²\]: twenty times its weight.
     pub push_max_mps2: f64,
     /// A vehicle's own means push it with less than its weight \[m/s²\],
@@ -61,7 +61,7 @@ pub struct Options {
     /// Rows on one side that have to be quiet about a sudden jump,
     pub quiet_rows: usize,
     /// which is so many times what they do.
-    pub quiet_bends: f64,
+    pub quiet_curvatures: f64,
     /// Equal rows before a jump that look like a measurement that had stopped.
     pub frozen_rows: usize,
     /// A step of so many usual ones is a gap.
@@ -106,7 +106,7 @@ impl Default for Options {
             no_chance_sds: 4.0,
             bridged_steps: 4.0,
             jump_rows: 20,
-            jump_bends: 12.0,
+            jump_curvatures: 12.0,
             push_max_mps2: 200.0,
             push_sudden_mps2: 10.0,
             turn_sudden_radps2: 20.0,
@@ -115,7 +115,7 @@ impl Default for Options {
             angle_jump_rad: 0.3,
             beside_steps: 4,
             quiet_rows: 6,
-            quiet_bends: 4.0,
+            quiet_curvatures: 4.0,
             frozen_rows: 5,
             gap_steps: 3.0,
             late_share: 0.3,
@@ -173,7 +173,7 @@ mod tests {
         };
         assert_eq!(jumps(&fast), ["sudden_jump"]);
         let blind = Options {
-            jump_bends: 1e6,
+            jump_curvatures: 1e6,
             ..usual
         };
         assert!(jumps(&blind).is_empty());

@@ -254,7 +254,7 @@ fn quaternion(last: &str, has: &dyn Fn(&[&str]) -> bool, letter: Option<&str>) -
     if let Some(c) = numbered.or(lettered) {
         return Some(Quaternion(c));
     }
-    let turned = has(&[
+    let rotated = has(&[
         "orientation",
         "quaternion",
         "quat",
@@ -263,7 +263,7 @@ fn quaternion(last: &str, has: &dyn Fn(&[&str]) -> bool, letter: Option<&str>) -
         "attitude",
     ]) || letter == Some("q");
     let c = ["w", "x", "y", "z"].iter().position(|w| *w == last)?;
-    (turned && !has(&["angular", "velocity", "rate"])).then_some(Quaternion(c))
+    (rotated && !has(&["angular", "velocity", "rate"])).then_some(Quaternion(c))
 }
 
 fn by_word(

@@ -28,7 +28,7 @@ struct Channel {
     column: usize,
     sign: f64,
     unit: String,
-    doubts: Vec<String>,
+    questions: Vec<String>,
 }
 
 /// What moves, and what was commanded.
@@ -186,7 +186,7 @@ impl Motion {
             Meaning::Along(place) if !self.has(place) => {
                 self.channel(place, i, shape);
                 if let Some(c) = self.channels.last_mut() {
-                    c.doubts
+                    c.questions
                         .push("along which axis is not written: forward assumed".to_owned());
                 }
             }
@@ -208,7 +208,7 @@ impl Motion {
         }
     }
 
-    /// Velocities to the north and east are turned by the heading; without one they are no velocities of the body.
+    /// Velocities to the north and east are rotated by the heading; without one they are no velocities of the body.
     fn drop_ground_without_heading(&mut self, shape: &Shape) {
         if self.ground.is_empty() {
             return;
@@ -250,7 +250,7 @@ impl Motion {
             column,
             sign,
             unit: String::new(),
-            doubts: Vec::new(),
+            questions: Vec::new(),
         });
     }
 
@@ -266,7 +266,7 @@ impl Motion {
                 c.sign = -1.0;
                 "height counts up, z_m down: sign = -1; from what zero is not written"
             };
-            c.doubts.push(words.to_owned());
+            c.questions.push(words.to_owned());
         }
     }
 
@@ -282,11 +282,11 @@ impl Motion {
             Dimension::Moment
         };
         let named = &shape.columns[column];
-        let mut doubts = Vec::new();
+        let mut questions = Vec::new();
         let unit = match unit_text(named).and_then(|u| unit::find(dimension, u)) {
             Some(u) => u.name,
             None => {
-                doubts.push(format!(
+                questions.push(format!(
                     "the unit is not written: {} assumed",
                     if dof < 3 { "N" } else { "N m" }
                 ));
@@ -296,12 +296,12 @@ impl Motion {
         let words = Words::of(&named.name).words;
         let says = |list: &[&str]| words.iter().any(|w| list.contains(&w.as_str()));
         if !(says(&[thruster]) && says(&["cmd", "command", "commands", "commanded"])) {
-            doubts.push(format!(
+            questions.push(format!(
                 "{}: taken as the load commanded in {thruster}; whether it was commanded or measured is not written",
                 shape.words(column)
             ));
         }
-        self.loads.push((dof, column, unit.to_owned(), doubts));
+        self.loads.push((dof, column, unit.to_owned(), questions));
     }
 
     /// The other reading of what the file leaves open: units of angles.
@@ -314,10 +314,10 @@ impl Motion {
                     "deg/s" => "rad/s",
                     _ => continue,
                 };
-                if c.doubts.iter().any(|d| d.starts_with("the unit is not written")) {
+                if c.questions.iter().any(|d| d.starts_with("the unit is not written")) {
                     unit.clone_into(&mut c.unit);
-                    c.doubts.retain(|d| !d.starts_with("the unit is not written"));
-                    c.doubts.push(format!("the unit is not written: {unit} assumed, which agrees with the other channels; deg if not"));
+                    c.questions.retain(|d| !d.starts_with("the unit is not written"));
+                    c.questions.push(format!("the unit is not written: {unit} assumed, which agrees with the other channels; deg if not"));
                 }
             }
             other

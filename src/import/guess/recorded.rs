@@ -154,10 +154,10 @@ impl<'a> Plan<'a> {
         let mut loads: Vec<(usize, bool, String)> = Vec::new();
         for b in &self.bundles {
             for (what, path, _) in &b.fields {
-                if let Load(d, turned) = what
+                if let Load(d, rotated) = what
                     && !loads.iter().any(|l| l.0 == *d)
                 {
-                    loads.push((*d, *turned, format!("{}.{path}", b.topic.topic)));
+                    loads.push((*d, *rotated, format!("{}.{path}", b.topic.topic)));
                 }
             }
         }
@@ -205,27 +205,27 @@ impl<'a> Plan<'a> {
         self.write_time(open, &mut draft);
         self.write_axes(&mut draft);
         self.write_bodies(&mut draft);
-        let turned_axes = is_ros(self.recording);
+        let rotated_axes = is_ros(self.recording);
         if let Some(quaternion) = self.quaternion() {
             draft.line("[quaternion]");
             let list: Vec<String> = quaternion.iter().map(|c| quoted(c)).collect();
             draft.line(format!("columns = [{}]", list.join(", ")));
             draft.line("order = \"wxyz\"");
-            if turned_axes {
+            if rotated_axes {
                 draft.line("axes = \"z_up\"");
             }
         }
         for own in 0..GROUPS.len() {
             self.write_group(own, open, &mut draft);
         }
-        for (dof, turned, column) in self.loads() {
+        for (dof, rotated, column) in self.loads() {
             draft.line("[[command]]");
             let unit = if dof < 3 { "N" } else { "N m" };
-            draft.doubt(format!("{column}: taken as the load commanded in {}; whether it was commanded or measured, and that it is in {unit}, is not written", LOADS[dof]));
+            draft.question(format!("{column}: taken as the load commanded in {}; whether it was commanded or measured, and that it is in {unit}, is not written", LOADS[dof]));
             draft.line(format!("thruster = \"{}\"", LOADS[dof]));
             draft.line(format!("column = {}", quoted(&column)));
             draft.line(format!("unit = \"{unit}\""));
-            if turned {
+            if rotated {
                 draft.line("sign = -1");
             }
         }
@@ -261,7 +261,7 @@ impl<'a> Plan<'a> {
             "stamp"
         } else {
             unix = true;
-            draft.doubt(format!(
+            draft.question(format!(
                 "{}: messages without a stamp of their own, so that all go by when they were recorded; how long they were under way looks like a latency",
                 without.join(", ")
             ));
@@ -276,9 +276,9 @@ impl<'a> Plan<'a> {
 
     fn write_axes(&self, draft: &mut Draft) {
         if is_ros(self.recording) {
-            draft.doubt("axes: x forward, y to port, z up, and metres, radians, seconds, as REP 103 has them and the log does not say: turned to y to starboard, z down");
+            draft.question("axes: x forward, y to port, z up, and metres, radians, seconds, as REP 103 has them and the log does not say: rotated to y to starboard, z down");
         } else {
-            draft.doubt("axes: x forward (north), y to starboard (east), z down, as the autopilot has them: those of the tank are turned by its heading");
+            draft.question("axes: x forward (north), y to starboard (east), z down, as the autopilot has them: those of the tank are rotated by its heading");
         }
     }
 
@@ -294,7 +294,7 @@ impl<'a> Plan<'a> {
                 .filter_map(|(_, path, _)| element(path));
             if let Some((list, last @ 1..)) = elements.max_by_key(|e| e.1) {
                 let topic = &bundle.topic.topic;
-                draft.doubt(format!(
+                draft.question(format!(
                     "{topic}: {list}[0] is taken, of up to {} in a message: which body stands there, and that it stays there, is not written; another's number in its place takes that one",
                     last + 1
                 ));
@@ -313,7 +313,7 @@ impl<'a> Plan<'a> {
             } else {
                 ("body", "tank")
             };
-            draft.doubt(format!("velocities are taken to be along the {frame}'s axes, which the log does not say: else frame = \"{other}\""));
+            draft.question(format!("velocities are taken to be along the {frame}'s axes, which the log does not say: else frame = \"{other}\""));
         }
         let mut fields: Vec<_> = self.fields(own).collect();
         fields.sort_by_key(|f| match f.0 {
@@ -322,7 +322,7 @@ impl<'a> Plan<'a> {
         });
         let mut before = None;
         for (what, column, stated) in fields {
-            let Channel(place, turned, tank) = what else {
+            let Channel(place, rotated, tank) = what else {
                 continue;
             };
             if before.replace(place) == Some(place) {
@@ -335,10 +335,10 @@ impl<'a> Plan<'a> {
                 let kind = self.recording.contents().kind;
                 let words =
                     format!("unit of {column}: {unit}, as {kind} has it; the log does not say");
-                draft.doubt(words);
+                draft.question(words);
             }
             draft.line(format!("unit = \"{unit}\""));
-            if turned {
+            if rotated {
                 draft.line("sign = -1");
             }
             if (6..9).contains(&place) && tank.unwrap_or(open.in_tank) {
@@ -352,7 +352,7 @@ impl<'a> Plan<'a> {
         if thrusters.is_empty() {
             return;
         }
-        draft.doubt("these look like commands of single thrusters: which is which in the rig is not written; for each that is, without the #:");
+        draft.question("these look like commands of single thrusters: which is which in the rig is not written; for each that is, without the #:");
         for column in thrusters.iter().take(16) {
             let unit = if column.contains("control[") || column.contains(".data") {
                 "N\"   # and scale = newtons per unit"
@@ -383,7 +383,7 @@ impl<'a> Plan<'a> {
                 .take(12)
                 .collect();
             if !others.is_empty() {
-                draft.doubt(format!(
+                draft.question(format!(
                     "{name} from {}; it is in others too: {} (--topic names those to look at)",
                     self.bundles[source].topic.topic,
                     others.join(" ")
@@ -492,7 +492,7 @@ fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> 
     let table = recording.table(&map)?;
     let own = survey(&table, &table.map, None).map_err(io::Error::other)?;
     let all: Vec<&Finding> = table.findings.iter().chain(&own.findings).collect();
-    let strange = all
+    let suspect = all
         .iter()
         .filter(|f| f.severity == Severity::Warning && f.kind == "kinematics")
         .count();
@@ -501,7 +501,7 @@ fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> 
         .filter(|f| f.severity == Severity::Fault)
         .map(|f| (f.kind, f.message.clone()))
         .collect();
-    let bad = 100 * serious.len() + strange;
+    let bad = 100 * serious.len() + suspect;
     let dead = all.iter().filter(|f| f.kind == "dead_channel");
     let dead = dead.map(|f| f.subject().to_owned()).collect();
     Ok((serious, bad, dead))

@@ -39,11 +39,11 @@ pub(super) struct Shape {
     /// Units that the kind of file has where it writes none.
     pub units: Defaults,
     pub remarks: Vec<String>,
-    /// What nameless columns may be: they are proposed, none is chosen.
+    /// What unlabelled columns may be: they are proposed, none is chosen.
     pub open: Vec<Proposal>,
 }
 
-/// A message that nameless columns may be of.
+/// A message that unlabelled columns may be of.
 #[derive(Debug, Clone)]
 pub(super) struct Proposal {
     pub message: &'static str,
@@ -95,7 +95,7 @@ impl Shape {
         }
     }
 
-    /// A column as people are told of it.
+    /// A column as reported.
     pub fn words(&self, index: usize) -> String {
         let Named { name, group, .. } = &self.columns[index];
         match (group.is_empty(), name.is_empty()) {

@@ -44,14 +44,14 @@ pub(super) struct Time {
     /// Between rows \[s\].
     pub interval_s: f64,
     keys: Vec<String>,
-    doubts: Vec<String>,
+    questions: Vec<String>,
 }
 
 impl Time {
     pub fn write(&self, draft: &mut Draft) {
         draft.line("[time]");
-        for doubt in &self.doubts {
-            draft.doubt(doubt.clone());
+        for question in &self.questions {
+            draft.question(question.clone());
         }
         draft.toml.extend(self.keys.iter().cloned());
     }
@@ -108,7 +108,7 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
             .map(|i| shape.words(i))
             .collect();
         if !others.is_empty() {
-            time.doubts.push(format!(
+            time.questions.push(format!(
                 "time is {}; others go on too and are not used: {}",
                 shape.words(i),
                 others.join(", ")
@@ -121,7 +121,7 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
             columns: vec![*frame],
             interval_s: 1.0 / rate_hz,
             keys: vec![shape.key(*frame), format!("rate_hz = {rate_hz}")],
-            doubts: Vec::new(),
+            questions: Vec::new(),
         });
     }
     if let Some(rate_hz) = shape.rate_hz {
@@ -129,7 +129,7 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
             columns: Vec::new(),
             interval_s: 1.0 / rate_hz,
             keys: vec![format!("rate_hz = {rate_hz}")],
-            doubts: vec![format!(
+            questions: vec![format!(
                 "rows carry no time: {rate_hz} rows per second as the head says"
             )],
         });
@@ -178,7 +178,7 @@ fn seconds_and_nanoseconds(shape: &Shape, stats: &Stats, s: usize, ns: usize) ->
         columns: vec![s, ns],
         interval_s: crate::check::quantile(&mut steps, 0.5).unwrap_or(0.01),
         keys,
-        doubts: Vec::new(),
+        questions: Vec::new(),
     }
 }
 
@@ -217,7 +217,7 @@ fn stamps(shape: &Shape, stats: &Stats, dates: &[usize], clock: usize) -> Option
             })
             .filter(|t| !t.trim().is_empty())
             .collect();
-        if let Some((keys, doubts, interval_s)) = pattern(&texts) {
+        if let Some((keys, questions, interval_s)) = pattern(&texts) {
             let list: Vec<String> = columns.iter().map(|c| shape.key(*c)).collect();
             let mut all = match list.as_slice() {
                 [one] => vec![one.clone()],
@@ -239,7 +239,7 @@ fn stamps(shape: &Shape, stats: &Stats, dates: &[usize], clock: usize) -> Option
                 columns,
                 interval_s,
                 keys: all,
-                doubts,
+                questions,
             });
         }
     }
@@ -263,11 +263,11 @@ fn durations(shape: &Shape, stats: &Stats, column: usize) -> Option<Time> {
         columns: vec![column],
         interval_s: crate::check::quantile(&mut steps, 0.5).unwrap_or(0.01),
         keys: vec![shape.key(column), format!("unit = \"{}\"", unit.name)],
-        doubts: Vec::new(),
+        questions: Vec::new(),
     })
 }
 
-/// The pattern of stamps: keys, doubts, interval.
+/// The pattern of stamps: keys, questions, interval.
 fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
     if texts.len() < 2 {
         return None;
@@ -283,11 +283,15 @@ fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
     let iso: Option<Vec<(i128, stamp::Zone)>> = texts.iter().map(|t| stamp::parse(t)).collect();
     if let Some(iso) = iso {
         let ns: Vec<i128> = iso.iter().map(|s| s.0).collect();
-        let mut doubts = Vec::new();
+        let mut questions = Vec::new();
         if iso[0].1.is_none() {
-            doubts.push("stamps carry no zone: read as UTC".to_owned());
+            questions.push("stamps carry no zone: read as UTC".to_owned());
         }
-        return Some((vec!["unit = \"iso8601\"".to_owned()], doubts, interval(&ns)));
+        return Some((
+            vec!["unit = \"iso8601\"".to_owned()],
+            questions,
+            interval(&ns),
+        ));
     }
     let fits = |format: &&str| -> Option<Vec<i128>> {
         let pattern = Pattern::new(format)?;
@@ -308,16 +312,20 @@ fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
     // Of several, the one under which time goes on evenly.
     found.sort_by(|a, b| interval(&a.1).total_cmp(&interval(&b.1)));
     let (format, ns) = found.first()?;
-    let mut doubts = Vec::new();
+    let mut questions = Vec::new();
     if let Some((other, _)) = found.get(1) {
-        doubts.push(format!(
+        questions.push(format!(
             "day and month could be the other way round: format = \"{other}\" reads every stamp too"
         ));
     }
     if format.contains("%Y") || format.contains("%y") {
-        doubts.push("stamps carry no zone: read as UTC".to_owned());
+        questions.push("stamps carry no zone: read as UTC".to_owned());
     }
-    Some((vec![format!("format = \"{format}\"")], doubts, interval(ns)))
+    Some((
+        vec![format!("format = \"{format}\"")],
+        questions,
+        interval(ns),
+    ))
 }
 
 /// A column of numbers.
@@ -329,7 +337,7 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
         ..Time::default()
     };
     if !is_named {
-        time.doubts.push(format!(
+        time.questions.push(format!(
             "{} only goes up: taken for the time",
             shape.words(i)
         ));
@@ -350,7 +358,7 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
                 _ => unit::find(Dimension::Time, unit).map_or(1.0, |u| u.factor),
             };
             if !sure {
-                time.doubts.push(format!(
+                time.questions.push(format!(
                     "the unit of time is not written: {unit} assumed, which makes {:.4} s between rows",
                     column.step * factor
                 ));
@@ -359,7 +367,7 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
         }
     };
     if unit == "labview_s" {
-        time.doubts.push("seconds since 1904, as LabVIEW counts them, in UTC; since 1970 they would be beyond 2066".to_owned());
+        time.questions.push("seconds since 1904, as LabVIEW counts them, in UTC; since 1970 they would be beyond 2066".to_owned());
     }
     time.keys.push(format!("unit = \"{unit}\""));
     time.interval_s = column.step * factor;
@@ -387,13 +395,13 @@ fn turns(column: &Column, time: &mut Time) {
     });
     match bits {
         Some(bits) if column.whole => {
-            time.doubts.push(format!(
+            time.questions.push(format!(
                 "time goes back by {:.0}: a counter of {bits} bits that starts again from 0",
                 column.back_most
             ));
             time.keys.push(format!("unwrap = {bits}"));
         }
-        _ => time.doubts.push(format!(
+        _ => time.questions.push(format!(
             "time goes back {} time(s), by {} at most",
             column.back, column.back_most
         )),
@@ -405,21 +413,21 @@ fn rounded(column: &Column, factor: f64, time: &mut Time) {
     let span_s = (column.last - column.first) * factor;
     let rate_hz = (column.numbers - 1) as f64 / span_s;
     // Both ends may be rounded.
-    let doubt_hz = rate_hz * 2.0 * column.step * factor / span_s;
+    let uncertain_hz = rate_hz * 2.0 * column.step * factor / span_s;
     let known = RATES
         .iter()
         .chain(&RATES_FAST)
-        .find(|r| (*r - rate_hz).abs() <= doubt_hz.max(1e-3 * rate_hz));
+        .find(|r| (*r - rate_hz).abs() <= uncertain_hz.max(1e-3 * rate_hz));
     match known {
         Some(rate) => {
-            time.doubts.push(format!(
+            time.questions.push(format!(
                 "{} stamps repeat the one before: rounded, {rate_hz:.3} rows per second; times are made of rate_hz = {rate}",
                 column.repeats
             ));
             time.keys.push(format!("rate_hz = {rate}"));
             time.interval_s = 1.0 / rate;
         }
-        None => time.doubts.push(format!(
+        None => time.questions.push(format!(
             "{} stamps repeat the one before, and {rate_hz:.3} rows per second are no usual rate: rate_hz = .. puts them back if rows came evenly",
             column.repeats
         )),

@@ -2,7 +2,7 @@
 //!
 //! Each degree of freedom that is commanded and measured follows its own equation (`response`); offset, drift and all
 //! coefficients are fitted together to velocities and ways travelled along the body's axes, weighted by the noise
-//! that is left, whitened by its correlation from sample to sample. A latency between command and load cannot be told
+//! that is left, whitened by its correlation from sample to sample. A latency between command and load cannot be determined
 //! from an offset of the clocks: it is in what is found.
 
 use nalgebra::{DMatrix, DVector, Dyn};

@@ -193,7 +193,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
     let mut account = Account::default();
     let mut learnt = Learnt::default();
     let mut leaves = Leaves::default();
-    let mut torn = false;
+    let mut broken = false;
     loop {
         let at = window.offset;
         let head = window.ahead(3)?;
@@ -219,7 +219,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         };
         let Some(record) = record.filter(|_| sound) else {
             // One place, however many bytes of it are none: the next record's head is looked for.
-            if !torn {
+            if !broken {
                 account.note("damaged records", at, || {
                     if known && length.is_some() {
                         format!("the record at byte {at} is cut, or is no format")
@@ -228,12 +228,12 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
                     }
                 });
             }
-            torn = true;
+            broken = true;
             account.skipped_bytes += 1;
             window.skip(1);
             continue;
         };
-        torn = false;
+        broken = false;
         window.skip(record.len());
         if kind == FORMAT_TYPE {
             continue;

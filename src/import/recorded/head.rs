@@ -1,4 +1,4 @@
-//! How files begin: by that their kind is told, and what they are if they are not read.
+//! How files begin: by that their kind is recognised, and what they are if they are not read.
 
 use std::fs::File;
 use std::io::{self, Read};

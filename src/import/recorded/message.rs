@@ -159,7 +159,7 @@ impl Leaves {
 
 /// One message.
 pub(super) struct Message<'a> {
-    /// Topic; several senders or bodies under one name are told apart by what stands in brackets.
+    /// Topic; several senders or bodies under one name are distinguished by what stands in brackets.
     pub topic: &'a str,
     /// The kind of message.
     pub schema: &'a str,
@@ -173,7 +173,7 @@ pub(super) struct Message<'a> {
     pub unit: &'a dyn Fn(&str) -> Option<String>,
 }
 
-/// Whoever is told of messages.
+/// A receiver of messages.
 pub(super) trait Sink {
     /// Whether a message of so many bytes is to be decoded.
     fn wants(&mut self, topic: &str, schema: &str, bytes: usize) -> bool;
@@ -204,7 +204,7 @@ pub(super) struct Account {
     pub skipped_bytes: u64,
 }
 
-/// Kinds of damage that are told apart.
+/// Kinds of damage that are distinguished.
 const KINDS_MAX: usize = 200;
 
 impl Account {

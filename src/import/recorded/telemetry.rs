@@ -148,7 +148,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
     let mut window = Window::new(File::open(path)?);
     let mut account = Account::default();
     let mut leaves = Leaves::default();
-    let mut torn = false;
+    let mut broken = false;
     loop {
         let at = window.offset;
         let ahead = window.ahead(2 * PACKET_BYTES_MAX)?;
@@ -164,17 +164,17 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             }
         });
         let Some(packet) = found else {
-            if !torn {
+            if !broken {
                 account.note("damaged records", at, || {
                     format!("at byte {at} begins no packet with the checksum it states")
                 });
             }
-            torn = true;
+            broken = true;
             account.skipped_bytes += 1;
             window.skip(1);
             continue;
         };
-        torn = false;
+        broken = false;
         let bytes = packet.bytes;
         match known.get(&packet.id) {
             None => account.note(

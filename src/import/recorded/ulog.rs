@@ -190,7 +190,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
     let mut leaves = Leaves::default();
     window.ahead(FILE_HEAD_BYTES)?;
     window.skip(FILE_HEAD_BYTES);
-    let mut torn = false;
+    let mut broken = false;
     loop {
         let at = window.offset;
         let head = window.ahead(HEAD_BYTES)?;
@@ -205,21 +205,21 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         if !plausible(ahead, &learnt) {
             let whole = ahead.len() >= HEAD_BYTES + length && length > 0;
             let kind = ahead.get(2).copied().unwrap_or(0);
-            // A record whose follower is broken is sound itself as far as can be told.
-            let known = !torn && whole && is_type(kind) && fits(ahead, &learnt);
+            // A record whose follower is broken is sound itself as far as the file shows.
+            let known = !broken && whole && is_type(kind) && fits(ahead, &learnt);
             if !known {
-                if !torn {
+                if !broken {
                     account.note("damaged records", at, || {
                         format!("at byte {at} begins no record")
                     });
                 }
-                torn = true;
+                broken = true;
                 account.skipped_bytes += 1;
                 window.skip(1);
                 continue;
             }
         }
-        torn = false;
+        broken = false;
         let record = window.ahead(HEAD_BYTES + length)?.to_vec();
         window.skip(record.len());
         let (kind, body) = (record[2], &record[HEAD_BYTES..]);

@@ -20,11 +20,11 @@ pub(crate) struct Reader<'a> {
     /// Rows whose quaternion has another length than 1: count, first line, its length.
     no_unit: (usize, u64, f64),
     /// Rows with velocities and without the angles to turn them.
-    not_turned: (usize, u64),
+    not_rotated: (usize, u64),
     /// Last whole attitude and its time \[s\]: of a row that holds none, where rows need not.
     attitude: Option<([f64; 3], f64)>,
-    /// Rows turned by it, and how old it was at most \[s\].
-    turned_by_last: (usize, f64),
+    /// Rows rotated by it, and how old it was at most \[s\].
+    rotated_by_last: (usize, f64),
     /// Pulses beyond the curve: count, first line, pulse, name.
     beyond: Option<(usize, u64, f64, String)>,
 }
@@ -80,9 +80,9 @@ impl<'a> Reader<'a> {
                 compare_s: f64::NAN,
             },
             no_unit: (0, 0, 0.0),
-            not_turned: (0, 0),
+            not_rotated: (0, 0),
             attitude: None,
-            turned_by_last: (0, 0.0),
+            rotated_by_last: (0, 0.0),
             beyond: None,
         }
     }
@@ -172,18 +172,18 @@ impl<'a> Reader<'a> {
             match self.attitude {
                 Some((last, at_s)) if t_s - at_s <= ATTITUDE_AGE_S => {
                     angles = last;
-                    self.turned_by_last.0 += 1;
-                    self.turned_by_last.1 = self.turned_by_last.1.max(t_s - at_s);
+                    self.rotated_by_last.0 += 1;
+                    self.rotated_by_last.1 = self.rotated_by_last.1.max(t_s - at_s);
                 }
                 Some(_) => {}
                 None => is_early = true,
             }
         }
         if measured && !is_early && angles.iter().any(|a| !a.is_finite()) {
-            if self.not_turned.0 == 0 {
-                self.not_turned.1 = line;
+            if self.not_rotated.0 == 0 {
+                self.not_rotated.1 = line;
             }
-            self.not_turned.0 += 1;
+            self.not_rotated.0 += 1;
         }
         let body = to_body(angles, tank);
         for (c, own) in (6..9).zip(body) {
@@ -255,7 +255,7 @@ impl<'a> Reader<'a> {
                 format!("{count} quaternion(s) are none of rotation, the first on line {line} of length {length:.4}: a lost body, or other columns?"),
             ));
         }
-        let (count, line) = self.not_turned;
+        let (count, line) = self.not_rotated;
         if count > 0 {
             let names: Vec<&str> = (3..6)
                 .filter(|p| self.map.missing(*p).is_some())
@@ -270,11 +270,11 @@ impl<'a> Reader<'a> {
                 ),
             ));
         }
-        let (count, age_s) = self.turned_by_last;
+        let (count, age_s) = self.rotated_by_last;
         if count > 0 {
             findings.push(Finding::info(
                 "velocity_frame",
-                format!("{count} row(s) with velocities in the tank's frame hold no angles: turned by those of a row up to {age_s:.3} s before"),
+                format!("{count} row(s) with velocities in the tank's frame hold no angles: rotated by those of a row up to {age_s:.3} s before"),
             ));
         }
         if let Some((count, line, pulse_us, name)) = &self.beyond {

@@ -128,7 +128,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// What is assumed where velocities are turned.
+    /// What is assumed where velocities are rotated.
     fn frames(&self, map: &Map, findings: &mut Vec<Finding>) {
         if !self.in_tank {
             return;
@@ -152,7 +152,7 @@ impl<'a> Columns<'a> {
             };
             findings.push(Finding::info(
                 "velocity_frame",
-                format!("velocities are turned from the tank's frame into the body's{rest}"),
+                format!("velocities are rotated from the tank's frame into the body's{rest}"),
             ));
         }
     }

@@ -103,7 +103,7 @@ fn a_messages_own_stamp_is_taken_before_its_receipt() {
 }
 
 #[test]
-fn nameless_numbers_that_several_messages_have_are_only_proposed() {
+fn unlabelled_numbers_that_several_messages_have_are_only_proposed() {
     for (numbers, words) in [
         (6, ["WrenchStamped", "TwistStamped"]),
         (3, ["PointStamped", "Vector3Stamped"]),
@@ -203,7 +203,7 @@ fn seconds_since_1904_are_not_the_year_2090() {
 }
 
 #[test]
-fn vicons_quaternions_and_rotation_vectors_are_told_apart() {
+fn vicons_quaternions_and_rotation_vectors_are_distinguished() {
     let file = |section: &str, names: &str, turns: &dyn Fn(f64) -> String| {
         format!(
             "{section}\n100\n,,AUV,,,,,,\nFrame,Sub Frame,{names}\n,,,,,,mm,mm,mm\n{}",

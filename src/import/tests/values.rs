@@ -122,7 +122,7 @@ fn curve_map(frame: &str) -> Map {
 }
 
 #[test]
-fn velocities_are_turned_and_the_frame_is_checked() {
+fn velocities_are_rotated_and_the_frame_is_checked() {
     let right = read(&curve(true), &curve_map("tank"));
     assert!(!right.has_faults(), "{:?}", right.findings);
     assert!(
@@ -140,12 +140,12 @@ fn velocities_are_turned_and_the_frame_is_checked() {
     assert!(!read(&curve(false), &curve_map("body")).has_faults());
     // Guessed from the positions.
     let guessed = |text: String| guess(text.as_bytes()).unwrap().unwrap().toml;
-    let turned = |toml: &str| toml.lines().any(|l| l == "frame = \"tank\"");
+    let rotated = |toml: &str| toml.lines().any(|l| l == "frame = \"tank\"");
     let stated = |in_tank| guessed(curve(in_tank).replace("psi", "psi_rad"));
-    assert!(turned(&stated(true)) && !turned(&stated(false)));
+    assert!(rotated(&stated(true)) && !rotated(&stated(false)));
     // A heading that goes on over a turn and a half is in radians if the way says so.
     let open = guessed(curve(false));
-    assert!(open.contains("unit = \"rad\"") && !turned(&open), "{open}");
+    assert!(open.contains("unit = \"rad\"") && !rotated(&open), "{open}");
 }
 
 #[test]
@@ -533,6 +533,6 @@ fn velocities_that_may_be_of_either_frame_were_said_to_be_the_bodys() {
         assert!(words.contains("0.40"), "the speed: {words}");
     }
     // Where the heading turns enough, nothing is left open.
-    let told = read(&curve(false), &curve_map("body"));
-    assert!(told.findings.iter().all(|f| f.kind != "velocity_frame"));
+    let given = read(&curve(false), &curve_map("body"));
+    assert!(given.findings.iter().all(|f| f.kind != "velocity_frame"));
 }

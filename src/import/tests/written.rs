@@ -140,7 +140,7 @@ fn angles_of_a_vicon_model_are_no_positions() {
 }
 
 #[test]
-fn velocities_to_the_north_are_turned_by_the_heading() {
+fn velocities_to_the_north_are_rotated_by_the_heading() {
     let found = guessed(&swings("V_North [m/s],V_East [m/s],yaw [deg]"));
     assert!(
         found.toml.matches("frame = \"tank\"").count() == 2,

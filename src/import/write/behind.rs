@@ -73,7 +73,7 @@ impl Behind {
 }
 
 impl Drop for Behind {
-    /// Of an import that failed otherwise: the file is let go before the caller looks at it.
+    /// Of an import that failed otherwise: the file is closed before the caller looks at it.
     fn drop(&mut self) {
         self.join().ok();
     }

@@ -43,7 +43,7 @@ fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
 /// Ranges of what a force may depend on, as measured: poses, rates (measured, or by the poses), time.
 fn ranges(recording: &Recording) -> Ranges {
     let runs = &recording.runs;
-    let mut made: Ranges = [None; hydroline_sim::effect::along::COVARIATES.len()];
+    let mut made: Ranges = [None; hydroline_sim::effect::covariate_table::COVARIATES.len()];
     for c in 0..6 {
         made[c] = range(runs.iter().flat_map(|r| r.values.iter().map(move |v| v[c])));
         made[6 + c] = if recording.channels[6 + c] {
@@ -152,7 +152,7 @@ impl Beginnings {
         for r in &recording.runs {
             let mut at = states_at_start(r, rig, dofs);
             let input = given(r, given_dofs, dofs, &at, &tolerance);
-            // One DOF moves along a line unless the line is turned or shifted by others.
+            // One DOF moves along a line unless the line is rotated or shifted by others.
             let line_stays =
                 dofs.first().is_some_and(|d| *d > 1) || input.rates.iter().all(Option::is_none);
             made.inputs.push(Some(input).filter(|i| !i.is_empty()));
@@ -232,7 +232,7 @@ fn free_at_start(recording: &Recording, r: &Recorded, dofs: &[usize]) -> Vec<usi
 fn coefficient(c: Coefficient, rig: &Rig) -> Own {
     let said = c.of_vehicle(&rig.vehicle);
     let unit = if said == 0.0 {
-        -UNSAID * c.doubt(rig)
+        -UNSAID * c.prior_sd(rig)
     } else {
         said
     };

@@ -108,7 +108,7 @@ impl Body {
         };
         let mut out = Vec::with_capacity(r.times_s.len());
         run(&model, &course, state, |channels| {
-            out.push(r.turned(out.len(), channels));
+            out.push(r.rotated(out.len(), channels));
         });
         out
     }

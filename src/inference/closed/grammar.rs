@@ -1,9 +1,9 @@
-//! What a force without a name may be written as: a piece, or a sum of two, over its covariate.
+//! What a force of no known effect may be written as: a piece, or a sum of two, over its covariate.
 //!
-//! A piece is a form of the simulator's with priors of its numbers. They are told by the covariate's range alone, so that
+//! A piece is a form of the simulator's with priors of its numbers. They are given by the covariate's range alone, so that
 //! nothing here knows of metres or radians.
 
-use hydroline_sim::effect::along::COVARIATES;
+use hydroline_sim::effect::covariate_table::COVARIATES;
 use hydroline_sim::effect::form::{FORMS, NUMBERS, Parity, Shape, form};
 
 use crate::prior::{Density, Scale};
@@ -14,7 +14,7 @@ const HELD: f64 = 1e-6;
 const FREEDOM: f64 = 4.0;
 /// Student's t with four degrees: 95 % point over the scale.
 const T95: f64 = 2.132;
-/// Widths of bumps and steps, over the range: from what a table's points still tell apart to a law over all of it.
+/// Widths of bumps and steps, over the range: from what a table's points still distinguish to a law over all of it.
 const WIDTHS: (f64, f64) = (0.02, 0.6);
 /// Lengths of waves, over the range: two points of a table to a wave that shows half of itself.
 const LENGTHS: (f64, f64) = (0.1, 2.0);

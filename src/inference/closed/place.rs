@@ -1,7 +1,7 @@
 //! Forms in a table's place: fitted to the data, with the fit that every model has.
 
 use hydroline_sim::effect::EffectInfo;
-use hydroline_sim::effect::along::POINTS;
+use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::written_force::is_a_rate;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -9,13 +9,13 @@ use rayon::prelude::*;
 use super::curve::Likelihood;
 use super::grammar::{Along, held};
 use super::rank::Ranked;
-use crate::belief::Belief;
 use crate::equations::Equations;
 use crate::fit::{Effort, Fit, Problem};
+use crate::number_prior::NumberPrior;
 use crate::summary::Rms;
 use crate::term::{Candidate, Kind};
 
-/// A form foretells worse than its table where the error, in tolerances and noise, is larger by this share: less is what chance
+/// A form predicts worse than its table where the error, in tolerances and noise, is larger by this share: less is what chance
 /// makes of four runs.
 const WORSE: f64 = 0.1;
 /// A form to be fitted.
@@ -28,7 +28,7 @@ pub(super) struct Draft {
     pub ln_odds: f64,
 }
 
-fn told(f: &Ranked) -> String {
+fn label(f: &Ranked) -> String {
     let names = f.pieces.each_ref();
     let names = names.map(|p| hydroline_sim::effect::form::FORMS[p.form]);
     format!("{names:?} {:.4?} {:.1}", f.numbers(), f.ln_score())
@@ -54,7 +54,7 @@ fn candidate(info: &'static EffectInfo, along: &Along, draft: &Draft, kind: Kind
 }
 
 impl Problem {
-    /// Whether a form foretells runs left out worse than its table, both in the same units: what a table leaves open where no
+    /// Whether a form predicts held-out runs worse than its table, both in the same units: what a table leaves open where no
     /// other run has been is just what it is worse by.
     pub(super) fn is_worse(&self, form: &Rms, table: &Rms) -> bool {
         let size = |rms: &Rms| -> f64 {
@@ -114,7 +114,7 @@ impl Problem {
             let made = self.fit(&terms, &point, bare.cells.clone(), Effort::default())?;
             tracing::debug!(
                 "fitted {} times {:?}: {:.1} {:?}",
-                told(&drafts[k].ranked),
+                label(&drafts[k].ranked),
                 drafts[k].times,
                 made.ln_score,
                 made.cells.misfit[along.dof]
@@ -127,16 +127,16 @@ impl Problem {
     /// What the data say of a table's points, all other numbers of the model integrated out about where it is.
     pub(super) fn of_table(&self, fit: &Fit, member: usize) -> Option<Likelihood> {
         let all = self.simulate(&fit.terms, &fit.point)?;
-        let belief = self.belief(&fit.terms);
+        let number_prior = self.number_prior(&fit.terms);
         let table = fit.terms[member];
         // Of this table the data alone.
-        let others = Belief {
-            blocks: belief
+        let others = NumberPrior {
+            blocks: number_prior
                 .blocks
                 .into_iter()
                 .filter(|b| b.candidate != table)
                 .collect(),
-            densities: belief.densities,
+            densities: number_prior.densities,
         };
         let mut equations = Equations::new(self, fit.point.len());
         let (information, gradient, _) = equations.sum(&all, &fit.cells, &others, &fit.point);

@@ -4,7 +4,7 @@
 //! is. A form is a curve through these points: its numbers by least squares from the best of a grid, its evidence by
 //! Laplace. What is likeliest here is then fitted to the data themselves.
 
-use hydroline_sim::effect::along::POINTS;
+use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::form::{NUMBERS, piece};
 use hydroline_sim::effect::written_force::{PIECES, is_a_rate};
 use nalgebra::{DMatrix, DVector};
@@ -187,7 +187,7 @@ fn pairs(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_sim::effect::along::COVARIATES;
+    use hydroline_sim::effect::covariate_table::COVARIATES;
     use hydroline_sim::effect::form::FORMS;
 
     /// Points known to `sd` each.

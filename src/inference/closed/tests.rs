@@ -4,7 +4,7 @@ use crate::hyper::{Cell, Cells};
 use crate::prior::PriorTable;
 use crate::testing::{Tank, entry};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
-use hydroline_sim::effect::along::POINTS;
+use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::form::FORMS;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
@@ -185,7 +185,7 @@ fn of_drawn_forces() {
         let over = found.problem.over(&runs, &tank.rig).unwrap();
         let noise = over.noises.channels[0].unwrap().total_sd();
         let miss = |f: &Fit| {
-            let out = over.foretell(f).map(|p| over.left_of(&p.values)[0] / noise);
+            let out = over.predict(f).map(|p| over.left_of(&p.values)[0] / noise);
             out.unwrap_or(f64::NAN)
         };
         let table = found.models.values().last().unwrap();

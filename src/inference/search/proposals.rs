@@ -2,19 +2,19 @@
 
 use super::{Job, Search};
 use crate::fit::{Effort, Fit};
-use crate::promise::Promise;
+use crate::predicted_gain::PredictedGain;
 
 impl Search<'_> {
     /// Which additions are fitted: what explains one DOF's residual is alike, and must not crowd out the others.
-    fn proposed<'p>(&self, fit: &Fit, promises: &'p [Promise]) -> Vec<&'p Promise> {
+    fn proposed<'p>(&self, fit: &Fit, gains: &'p [PredictedGain]) -> Vec<&'p PredictedGain> {
         let most = match fit.terms.is_empty() {
             true => self.options.first_additions,
             false => self.options.additions,
         };
 
-        let dof = |p: &Promise| self.problem.body.candidates[p.candidate].dof();
-        let worth = |p: &&Promise| p.instead.is_none() && p.gain > self.options.least_gain;
-        let all: Vec<&Promise> = promises.iter().filter(worth).collect();
+        let dof = |p: &PredictedGain| self.problem.body.candidates[p.candidate].dof();
+        let worth = |p: &&PredictedGain| p.instead.is_none() && p.gain > self.options.least_gain;
+        let all: Vec<&PredictedGain> = gains.iter().filter(worth).collect();
         let (first, others) = all.split_at(self.options.foremost.min(all.len()));
         let mut chosen = first.to_vec();
         let mut left = Vec::new();
@@ -33,14 +33,14 @@ impl Search<'_> {
     pub(super) fn expand(&mut self, fit: Fit) {
         let fit = &self.sharpened(fit);
         self.expanded.insert(fit.terms.clone());
-        let promises = self.problem.promises(fit);
+        let gains = self.problem.predicted_gains(fit);
         let mut jobs: Vec<Job> = Vec::new();
         let mut add = |job: Job| {
             if !self.models.contains_key(&job.0) {
                 jobs.push(job);
             }
         };
-        for p in self.proposed(fit, &promises) {
+        for p in self.proposed(fit, &gains) {
             let (terms, point) = self.problem.with(fit, p.candidate, &p.numbers);
             add((terms, point, fit.cells.clone()));
         }
@@ -59,10 +59,8 @@ impl Search<'_> {
         for member in 0..fit.terms.len() {
             let (terms, point) = self.problem.without(fit, member);
             add((terms.clone(), point.clone(), fit.cells.clone()));
-            let instead: Vec<&Promise> = promises
-                .iter()
-                .filter(|p| p.instead == Some(member))
-                .collect();
+            let instead: Vec<&PredictedGain> =
+                gains.iter().filter(|p| p.instead == Some(member)).collect();
             for p in instead
                 .into_iter()
                 .filter(|p| p.gain > self.options.least_gain)
@@ -81,16 +79,16 @@ impl Search<'_> {
             let mut laws = self.problem.nearly(fit.terms[member]);
             laws.retain(|(effect, _)| !fit.terms.contains(effect));
             let place = |effect: &usize| {
-                let mut of = promises.iter().filter(|p| p.instead == Some(member));
+                let mut of = gains.iter().filter(|p| p.instead == Some(member));
                 of.position(|p| p.candidate == *effect)
             };
             laws.sort_by_key(|(effect, _)| place(effect).unwrap_or(usize::MAX));
             for (effect, trend) in laws.into_iter().take(self.options.laws) {
-                let promised = promises
+                let predicted = gains
                     .iter()
                     .find(|p| p.instead == Some(member) && p.candidate == effect);
                 let start = self.problem.body.candidates[effect].starts.first();
-                let Some(numbers) = promised.map(|p| &p.numbers).or(start) else {
+                let Some(numbers) = predicted.map(|p| &p.numbers).or(start) else {
                     continue;
                 };
                 let mut made = Fit {

@@ -150,14 +150,14 @@ fn bump() -> PhysicsEntry {
 
 /// Such a force was explained by whatever came nearest.
 #[test]
-fn a_force_without_a_name_is_a_table_and_no_effect() {
+fn an_unnamed_force_is_a_table_and_no_effect() {
     let (found, posterior) = short(&[0], vec![bump()], 6);
     let table = probability(&found, &posterior, "free_force surge x");
     assert!(table > 0.9, "{posterior:?}");
 }
 
 /// What a search finds, for eyes.
-fn told(problem: Problem, begun: Instant) {
+fn report(problem: Problem, begun: Instant) {
     for d in &problem.body.dofs {
         println!(
             "   {d} {:?} {:?}",
@@ -260,7 +260,7 @@ fn of_logs() {
     let begun = Instant::now();
     let dofs = Recording::new(&runs, 0.0).moving(&rig.tolerance.channels());
     println!("== {logs} dofs {dofs:?}");
-    told(
+    report(
         Problem::new(&runs, &rig, &dofs, PriorTable::default()).unwrap(),
         begun,
     );
@@ -289,6 +289,6 @@ fn a_few_cases() {
             "== {name} dofs {dofs:?}, noise at {:.1} s",
             begun.elapsed().as_secs_f64()
         );
-        told(problem, begun);
+        report(problem, begun);
     }
 }

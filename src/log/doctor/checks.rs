@@ -51,6 +51,8 @@ pub(super) struct Checks {
 pub(super) struct Frames {
     pub(super) infos: u64,
     pub(super) images: u64,
+    /// The last account has no image behind it: a write that was cut off ends so.
+    pub(super) image_due: bool,
     pub(super) last: Option<(u32, u64)>,
     pub(super) first_index: Option<u64>,
     pub(super) index_gaps: u64,
@@ -156,6 +158,7 @@ impl Checks {
             Record::FrameInfo(info) => self.frame_info(offset, info),
             Record::Frame(frame) => {
                 self.frames.images += 1;
+                self.frames.image_due = false;
                 if frame.meta.fault.is_none() {
                     self.frames.short += u64::from(frame.to_grey(&self.rule).is_err());
                     self.clipping.see(frame, &self.rule);
@@ -176,6 +179,7 @@ impl Checks {
     fn frame_info(&mut self, offset: u64, info: &pb::FrameInfo) {
         let f = &mut self.frames;
         f.infos += 1;
+        f.image_due = true;
         f.marked += u64::from(info.sequence_gap_before) + u64::from(info.time_gap_before);
         f.faulty += u64::from(!info.fault.is_empty());
         f.first_index.get_or_insert(info.frame_index);

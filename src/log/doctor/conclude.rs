@@ -60,6 +60,7 @@ impl Checks {
                 .metadata
                 .get("session")
                 .and_then(|s| s.get("replay.of")),
+            learnt.metadata.get("summary").is_some_and(is_recovered),
         );
         self.clocks();
         let mut errors = std::mem::take(&mut self.error_events);
@@ -191,7 +192,7 @@ impl Checks {
     }
 
     /// `replay_of` = the log that this one is a replay of: it need not hold the images.
-    fn frames_and_commands(&mut self, replay_of: Option<&String>) {
+    fn frames_and_commands(&mut self, replay_of: Option<&String>, recovered: bool) {
         let (infos, images) = (self.frames.infos, self.frames.images);
         if let (Some(of), true) = (replay_of, infos > 0 && images == 0) {
             let message = format!("a replay of {of} without its images ({infos} frame infos)");
@@ -201,6 +202,14 @@ impl Checks {
                 None,
                 message,
                 "the images are in that log; `hydroline replay --keep-images` copies them",
+            );
+        } else if recovered && self.frames.image_due && infos == images + 1 {
+            self.add(
+                Grade::Warning,
+                "image",
+                None,
+                format!("the last frame's image was cut off with the file: {images} images, {infos} frame infos"),
+                "that one frame is lost; the others are whole",
             );
         } else if infos > 0 && infos != images {
             let message = format!("{images} images but {infos} frame infos");

@@ -76,7 +76,7 @@ impl Options {
 /// Damping of Levenberg and Marquardt, λ in (H + λ diag H) step = -g.
 ///
 /// Multiplied and divided (Marquardt 1963). Nielsen's rule (1999), which follows the ratio of gain to expectation, saves
-/// rejected steps on curved valleys; the problems of this project start near their minimum and reject few.
+/// rejected steps on curved minima; the problems of this project start near their minimum and reject few.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Damping {
     /// At the start. Default 1e-3: Madsen, Nielsen and Tingleff, section 3.2, from 1e-6 for a start believed to be good

@@ -270,7 +270,7 @@ proptest! {
         start in prop::collection::vec(0.0..1.0f64, 2),
     ) {
         let model = move |[x, y]: [f64; 2]| -> Option<Rows<2>> {
-            // Slightly bent, so that more than one step is needed, with one minimum still.
+            // Slightly curved, so that more than one step is needed, with one minimum still.
             Some((0..3).map(|i| {
                 let unit = |k: usize| if i == k { 1.0 } else { 0.0 };
                 let (a, b) = (unit(0) + 0.5 * entries[2 * i], unit(1) + 0.5 * entries[2 * i + 1]);

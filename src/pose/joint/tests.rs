@@ -182,7 +182,7 @@ fn pitch_does_not_hide_the_right_place_on_the_two_level_target() {
 
 #[test]
 fn the_bound_is_that_of_an_independent_study() {
-    // geometry.md: 0.54 mm, 0.18 mm, 0.037 deg with thickness and brightness fitted, 0.25, 0.08,
+    // theory/geometry.md, one frame: 0.54 mm, 0.18 mm, 0.037 deg with thickness and brightness fitted, 0.25, 0.08,
     // 0.017 with both known; y 0.03 mm, roll 0.0003 deg, yaw 0.006 deg. Places differ by a factor.
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));

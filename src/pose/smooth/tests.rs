@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 const FRAME_NS: u64 = 40_000_000;
 
-/// Covariance of one frame: the geometry of the target in all directions but one (geometry.md:
+/// Covariance of one frame: the geometry of the target in all directions but one (theory/geometry.md, one frame:
 /// y 0.03 mm, φ 0.0003°, ψ 0.006°; δz = l δθ, δx = −H δθ weak, and tied to the thickness).
 fn frame_covariance() -> SMatrix<f64, 7, 7> {
     let mut c = SMatrix::<f64, 7, 7>::zeros();

@@ -70,13 +70,13 @@ fn motion() -> Figure {
         .map(|t| 80.0 * (-0.05 * t).exp() * (0.9 * t).sin())
         .collect();
     // A residual that no random number generator is needed for.
-    let rough = |k: usize| 0.4 * (12.9 * k as f64).sin() * (78.2 * k as f64).cos();
+    let noise = |k: usize| 0.4 * (12.9 * k as f64).sin() * (78.2 * k as f64).cos();
     let residual: Vec<f64> = (0..t.len())
         .map(|k| {
             if (300..340).contains(&k) {
                 f64::NAN
             } else {
-                rough(k)
+                noise(k)
             }
         })
         .collect();

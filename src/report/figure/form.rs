@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_two_series_are_told_apart_by_colour_alone() {
+    fn no_two_series_are_distinguished_by_colour_alone() {
         let mut forms: Vec<Form> = (0..6).map(|k| Form::of(Colour::series(k))).collect();
         forms.push(Form::of(Colour::GREY));
         for (k, a) in forms.iter().enumerate() {

@@ -166,13 +166,13 @@ impl Scale {
     }
 }
 
-/// The least of 1, 2 and 5 times a power of ten that is not below `rough`.
-fn step(rough: f64) -> f64 {
-    let power = 10f64.powf(rough.log10().floor());
+/// The least of 1, 2 and 5 times a power of ten that is not below `least`.
+fn step(least: f64) -> f64 {
+    let power = 10f64.powf(least.log10().floor());
     [1.0, 2.0, 5.0]
         .into_iter()
         .map(|k| k * power)
-        .find(|s| *s >= rough * (1.0 - 1e-9))
+        .find(|s| *s >= least * (1.0 - 1e-9))
         .unwrap_or(10.0 * power)
 }
 

@@ -77,7 +77,7 @@ fn a_replay_is_sound_with_and_without_its_images() {
             .collect();
         assert_eq!(indexes, [0, 1, 2, 5, 6, 7, 8]);
         let diagnosis = doctor(&out).unwrap();
-        // The recording's own loss is still told, and nothing else is found.
+        // The recording's own loss is still reported, and nothing else is found.
         assert!(
             diagnosis
                 .findings
@@ -96,7 +96,7 @@ fn a_profile_that_comes_out_otherwise_is_counted_and_ends_in_3() {
     record_like(&log, true);
     let (report, _) = replayed(&log, &dir.path().join("b.mcap"), false);
     assert_eq!((report.live_identical, report.live_different), (6, 1));
-    // The head's rig of this log is no whole rig, so the command is told to use the built-in one:
+    // The head's rig of this log is no whole rig, so the command is given the built-in one:
     // then the rig is another, and differing profiles are no reason to complain.
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_hydroline"))
         .args(["replay", "--rig", "lshpi", "--out"])

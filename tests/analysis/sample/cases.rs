@@ -153,6 +153,6 @@ fn digest(log: &Path) -> BTreeMap<String, String> {
         sum.update(&message.log_time.to_le_bytes());
         sum.update(&message.data);
     }
-    let told = |(count, sum): (u64, crc32fast::Hasher)| format!("{count} {:08x}", sum.finalize());
-    sums.into_iter().map(|(t, s)| (t, told(s))).collect()
+    let line = |(count, sum): (u64, crc32fast::Hasher)| format!("{count} {:08x}", sum.finalize());
+    sums.into_iter().map(|(t, s)| (t, line(s))).collect()
 }

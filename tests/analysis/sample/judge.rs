@@ -62,21 +62,21 @@ impl Judged {
             (self.worst_sd, self.worst) = (off_sd, place.to_owned());
         }
         if off_sd > LIMIT_SD {
-            let told = format!("{place}: was {was}, is {is}: {off_sd:.3} sd, allowed {LIMIT_SD}");
-            self.wrong.push(told);
+            let text = format!("{place}: was {was}, is {is}: {off_sd:.3} sd, allowed {LIMIT_SD}");
+            self.wrong.push(text);
         }
     }
 }
 
-/// The word, what matters, what cannot be told apart, and what is wrong with the data.
+/// The word, what matters, what cannot be distinguished, and what is wrong with the data.
 pub fn same_verdict(name: &str, expected: &Value, found: &Value, into: &mut Judged) {
     let matters = |v: &Value| -> Vec<Value> {
         let effects = v["effects"].as_array().into_iter().flatten();
         let matter = effects.filter(|e| e["matters"] == true);
         matter.map(|e| e["effect"].clone()).collect()
     };
-    let told = |v: &Value| (v["verdict"].clone(), matters(v), v["equivalent"].clone());
-    let (was, is) = (told(expected), told(found));
+    let of = |v: &Value| (v["verdict"].clone(), matters(v), v["equivalent"].clone());
+    let (was, is) = (of(expected), of(found));
     if was != is {
         into.wrong.push(format!("{name}: was {was:?}, is {is:?}"));
     }

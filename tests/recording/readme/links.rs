@@ -68,7 +68,7 @@ fn anchors(markdown: &str) -> Vec<String> {
 }
 
 #[test]
-fn links_without_file_or_heading_are_told() {
+fn links_without_file_or_heading_are_reported() {
     let page = "[a](README.md) [b](nowhere.md)\n![c](README.md#no-such-heading) [d](https://x.y/z)\n```\n[e](no.md)\n```\n# It's `here`\n[f](#its-here)\n";
     assert_eq!(
         broken("T.md", page),

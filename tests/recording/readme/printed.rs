@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_missing_or_too_many_are_told() {
+    fn lines_missing_or_too_many_are_reported() {
         let error = against(PAGE, &format!("{PAGE}  note: more\n")).unwrap_err();
         assert!(error.contains("note: more"), "{error}");
         assert!(against(&format!("{PAGE}more\n"), PAGE).is_err());

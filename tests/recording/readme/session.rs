@@ -110,7 +110,7 @@ fn same_picture(page: &str, picture: &str, drawn: &str, tolerance: f64) -> Resul
         .unwrap_or(Path::new(""))
         .join(picture);
     let shown = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    // An element a line, so that the one that differs is told.
+    // An element a line, so that the one that differs is named.
     let elements = |svg: &str| svg.replace("><", ">\n<");
     compare(&elements(&shown), &elements(drawn), tolerance, false).map_err(|words| {
         let short: String = words.chars().take(400).collect();

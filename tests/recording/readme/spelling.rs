@@ -124,7 +124,7 @@ fn calls_are_found_in_blocks_and_sentences() {
 }
 
 #[test]
-fn what_help_does_not_know_is_told() {
+fn what_help_does_not_know_is_reported() {
     let text = "```sh\nhydroline replay x --smoooth\nhydroline replya x\n```\n";
     assert_eq!(
         misspelt(&calls(text, "T.md").unwrap()),

@@ -27,7 +27,7 @@ fn board(blocks: bool) -> Board {
     }
 }
 
-/// The board in the sheet of the notes' rig, behind its port, seen at 45°.
+/// The board in the sheet of the rig behind a port of `study::truth`, seen at 45°.
 fn see(board: &Board, sheet: LaserSheet, seed: u64) -> (Detection, Coplanarity) {
     let view = View::behind_port(Rig::behind_port(), 0.0);
     let scene = Scene {
@@ -135,7 +135,7 @@ fn parallax_goes_both_ways() {
         covariance: DMatrix::identity(3, 3) * 1e-8,
     });
     let sheet = gap.face_to_sheet(0.1, -0.2);
-    // h = 1.9 mm, lever (0.46 + 0.2)/0.46: the notes' 1 mm → (η_c − η)/ζ_c mm.
+    // h = 1.9 mm, lever (0.46 + 0.2)/0.46: 1 mm of gap → (η_c − η)/ζ_c mm.
     assert!((sheet[1] + 0.2 - 1.9e-3 * 0.66 / 0.46).abs() < 1e-12);
     let back = gap.sheet_to_face(sheet[0], sheet[1]);
     assert!((back[0] - 0.1).abs() < 1e-12 && (back[1] + 0.2).abs() < 1e-12);

@@ -320,7 +320,7 @@ fn polygons_and_rotated_targets_render_like_what_they_are() {
         [0.0; 3],
     );
     assert_eq!(as_rectangle, Renderer::new(&rig).unwrap().render_clean(&p));
-    // The same place told by a turned, shifted target frame.
+    // The same place described by a rotated, shifted target frame.
     rig.target = target(
         SlabOutline::Polygon {
             points_m: vec![[-0.1, 0.0], [0.1, 0.0], [0.1, -0.5], [-0.1, -0.5]],

@@ -57,13 +57,13 @@ impl Level<'_> {
         )];
         if unexplained {
             notes.push(format!(
-                "no effect of the vocabulary takes away {:.2} px about {part}",
+                "no effect of the library takes away {:.2} px about {part}",
                 worst[1].0
             ));
         }
         if let Some(words) = &unnamed {
             notes.push(format!(
-                "light that no effect of the vocabulary makes: {words}"
+                "light that no effect of the library makes: {words}"
             ));
         }
         progress("frames held out");
@@ -110,16 +110,16 @@ impl Level<'_> {
         let (found, best) = (self.found, self.found.best());
         let tied = found.tied();
         let moved = best.effects.iter().enumerate().map(|(k, e)| {
-            let told = Effect {
+            let found = Effect {
                 or: instead(self.candidates, best, &tied, *e),
                 ..effect(self.problem, self.candidates, found, best, k, *e)
             };
             (
-                told,
+                found,
                 entry(self.candidates[*e].info, &best.state.numbers[k]),
             )
         });
-        let lit = self.lit.told(self.raw, self.rig, self.candidates, best);
+        let lit = self.lit.entries(self.raw, self.rig, self.candidates, best);
         let lit = lit
             .into_iter()
             .filter(|(e, _)| e.established || !e.or.is_empty());

@@ -80,7 +80,7 @@ impl<'a> Lit<'a> {
     }
 
     /// The effects as entries of the verdict: how far each moves the poses that `best` gives, where it stays in the picture.
-    pub fn told(
+    pub fn entries(
         &self,
         raw: &[ImageRun],
         rig: &Rig,
@@ -93,17 +93,19 @@ impl<'a> Lit<'a> {
                 let numbers = &e.effect.numbers;
                 let lost = moved.is_none();
                 let moved = moved.unwrap_or([LOST; 6]);
-                let mut told = described(rig, e.info(), numbers, &e.sds, moved, e.probability);
-                told.or = e.or.clone();
+                let mut effect = described(rig, e.info(), numbers, &e.sds, moved, e.probability);
+                effect.or = e.or.clone();
                 for (word, k) in e.info().words.iter().zip(&e.effect.words) {
-                    told.words
+                    effect
+                        .words
                         .insert(word.name.to_owned(), word.allowed[*k].to_owned());
                 }
                 if lost {
-                    told.notes
+                    effect
+                        .notes
                         .push("with it in the picture the frames give no poses".to_owned());
                 }
-                (told, e.entry())
+                (effect, e.entry())
             })
             .collect()
     }

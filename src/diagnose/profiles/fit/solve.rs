@@ -1,15 +1,15 @@
-//! What a likelihood about a state is worth with the prior: the step, the wobbles, the floors, the evidence.
+//! What a likelihood about a state is worth with the prior: the step, the motion priors, the floors, the evidence.
 
 use super::super::evidence::{half_log_det, inverse_factor};
 use super::super::model::Kind;
-use super::super::prior::Wobbles;
-use super::super::wobble::{self, Alone};
+use super::super::motion_prior::{self, Alone};
+use super::super::prior::MotionPriors;
 use super::linear::Linear;
 use super::work::Work;
 use super::{Fitted, Free};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Rounds through all wobbles in one choice.
+/// Rounds through all motion priors in one choice.
 const ROUNDS: usize = 3;
 
 /// The point, its log evidence, and the posterior precision's factor.
@@ -17,13 +17,13 @@ pub(super) type Solved = (DVector<f64>, f64, Cholesky<f64, Dyn>);
 
 impl Work<'_, '_> {
     /// Prior precision of everything and half the log determinant of its covariance.
-    fn prior(&self, wobbles: &Wobbles) -> Option<(DMatrix<f64>, f64)> {
+    fn prior(&self, motion_priors: &MotionPriors) -> Option<(DMatrix<f64>, f64)> {
         let mut p = DMatrix::identity(self.size(), self.size());
         let mut half = 0.0;
         let mut first = 0;
         for motion in &self.problem.motions {
-            for (d, wobble) in wobbles.iter().enumerate() {
-                let known = motion.precision(d, wobble)?;
+            for (d, motion_prior) in motion_priors.iter().enumerate() {
+                let known = motion.precision(d, motion_prior)?;
                 let (own, own_half) = known.as_ref();
                 half += own_half;
                 for i in 0..motion.frames() {
@@ -39,41 +39,42 @@ impl Work<'_, '_> {
 
     /// log posterior at `x` of the likelihood about its own point.
     pub(super) fn posterior(&self, linear: &Linear, x: &DVector<f64>) -> Option<f64> {
-        let (p, half) = self.prior(&self.state.wobbles)?;
+        let (p, half) = self.prior(&self.state.motion_priors)?;
         let q = &linear.quadratic;
         let likelihood = q.c + q.b.dot(x) - 0.5 * x.dot(&(&q.a * x));
         Some(likelihood - 0.5 * x.dot(&(p * x)) - half)
     }
 
-    pub(super) fn solve(&self, linear: &Linear, wobbles: &Wobbles) -> Option<Solved> {
-        let (p, half) = self.prior(wobbles)?;
+    pub(super) fn solve(&self, linear: &Linear, motion_priors: &MotionPriors) -> Option<Solved> {
+        let (p, half) = self.prior(motion_priors)?;
         linear.quadratic.solved(&p, half)
     }
 
-    /// The wobbles by evidence, DOF by DOF; the solution with them.
+    /// The motion priors by evidence, DOF by DOF; the solution with them.
     pub(super) fn choose(&mut self, linear: &Linear) -> Option<Solved> {
-        let mut wobbles = self.state.wobbles;
+        let mut motion_priors = self.state.motion_priors;
         for _ in 0..ROUNDS {
-            let before = wobbles;
-            for d in 0..wobbles.len() {
+            let before = motion_priors;
+            for d in 0..motion_priors.len() {
                 let driven = self.problem.motions.iter().any(|m| m.driven[d]);
-                let (prior, _) = self.prior(&wobbles)?;
+                let (prior, _) = self.prior(&motion_priors)?;
                 if let Some(alone) = Alone::of(&linear.quadratic, &prior, &self.problem.motions, d)
                 {
-                    wobbles[d] = wobble::chosen(wobbles[d], driven, &|w| alone.value(w));
+                    motion_priors[d] =
+                        motion_prior::chosen(motion_priors[d], driven, &|w| alone.value(w));
                 }
             }
-            if wobbles == before {
+            if motion_priors == before {
                 break;
             }
         }
-        match self.solve(linear, &wobbles) {
+        match self.solve(linear, &motion_priors) {
             Some(solved) => {
-                self.state.wobbles = wobbles;
+                self.state.motion_priors = motion_priors;
                 Some(solved)
             }
             // Digits did not suffice there.
-            None => self.solve(linear, &self.state.wobbles),
+            None => self.solve(linear, &self.state.motion_priors),
         }
     }
 
@@ -225,15 +226,15 @@ impl Work<'_, '_> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::super::super::candidate::{Base, vocabulary};
-    use super::super::super::prior::{FIRST, Motion, Wobble};
+    use super::super::super::candidate::{Base, library};
+    use super::super::super::prior::{FIRST, Motion, MotionPrior};
     use super::super::Problem;
     use super::*;
     use crate::profiles::observe::{self, ImageRun};
     use hydroline_daemon::simulate::{Options, simulate};
     use hydroline_rigs::{ParameterValue, PhysicsEntry, Plan, Rig};
 
-    /// Two runs of 26 frames, driven in surge alone while every axis wobbles; the tank knows of the wobble, the rig does not.
+    /// Two runs of 26 frames, driven in surge alone while every axis is disturbed; the simulated vehicle is, the rig is not.
     fn runs_in_surge(rig: &Rig) -> Vec<ImageRun> {
         let mut tank = rig.clone();
         for (axis, period_s) in [("roll", 3.7), ("pitch", 5.1), ("yaw", 7.3)] {
@@ -267,14 +268,14 @@ mod tests {
             .collect()
     }
 
-    /// Two runs, driven in surge alone: with the rest integrated out each DOF's wobble is worth what it is worth
+    /// Two runs, driven in surge alone: with the rest integrated out each DOF's motion prior is worth what it is worth
     /// in the whole problem.
     #[test]
     fn one_dof_alone_is_worth_what_it_is_in_the_whole() {
         let rig = Rig::builtin("lshpi").unwrap();
         let runs = runs_in_surge(&rig);
         let base = Base::new(&rig).unwrap();
-        let candidates = vocabulary(&base);
+        let candidates = library(&base);
         let motions = runs.iter().map(|r| Motion::new(r, &rig).unwrap()).collect();
         let problem = Problem::new(&rig, base, &runs, motions);
         let chosen = vec![&candidates[3]];
@@ -290,18 +291,18 @@ mod tests {
         for dof in [0, 2, 4] {
             assert_eq!(problem.motions[0].driven[dof], dof == 0);
             let value = |sd: f64, tau_s: f64| {
-                let mut wobbles = FIRST;
-                let wobble = Wobble {
+                let mut motion_priors = FIRST;
+                let motion_prior = MotionPrior {
                     sd,
                     tau_s,
                     drive: 3e-8,
                 };
-                wobbles[dof] = wobble;
+                motion_priors[dof] = motion_prior;
                 let (prior, _) = work.prior(&FIRST).unwrap();
                 let motions = &problem.motions;
                 let alone = Alone::of(&linear.quadratic, &prior, motions, dof).unwrap();
-                let whole = work.solve(&linear, &wobbles).unwrap().1;
-                (alone.value(&wobble).unwrap(), whole)
+                let whole = work.solve(&linear, &motion_priors).unwrap().1;
+                (alone.value(&motion_prior).unwrap(), whole)
             };
             let (a, b) = (value(1e-3, 0.7), value(2e-2, 5.0));
             let (alone, whole) = (a.0 - b.0, a.1 - b.1);

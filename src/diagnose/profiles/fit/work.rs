@@ -48,13 +48,13 @@ impl Work<'_, '_> {
         DVector::from_vec(x)
     }
 
-    /// Moves the state, poses along the valley of a frame.
+    /// Moves the state, poses along the weakly observable direction of a frame.
     pub(super) fn step(&mut self, by: &DVector<f64>) {
         let mut values = by.iter().copied();
         let lever_m = self.problem.rig.mounts.l_laser_m;
         for pose in self.state.poses.iter_mut().flatten() {
             let own: [f64; 6] = std::array::from_fn(|_| UNIT * values.next().unwrap_or(0.0));
-            *pose = along_the_valley(pose, &own, lever_m);
+            *pose = along_the_weak_direction(pose, &own, lever_m);
         }
         if self.free == Free::All {
             for s in &mut self.state.shared {
@@ -74,7 +74,7 @@ impl Work<'_, '_> {
 /// A pose moved by a step that is linear in where the sheet's middle meets the floor (X, Y), its
 /// range there, and the angles. Turning θ alone leaves the line in the image; in x, z and θ it
 /// follows a curve, which a straight step leaves by H δθ²/2: many row sds after a tenth of a degree.
-fn along_the_valley(pose: &[f64; 6], by: &[f64; 6], lever_m: f64) -> [f64; 6] {
+fn along_the_weak_direction(pose: &[f64; 6], by: &[f64; 6], lever_m: f64) -> [f64; 6] {
     let seen = |p: &[f64; 6]| {
         let pose = Pose::from_array(*p);
         let r = pose.body_to_tank_rotation();

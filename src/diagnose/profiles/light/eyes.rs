@@ -9,8 +9,8 @@ fn light_of_logs() {
     let rig = Rig::builtin("lshpi").unwrap();
     for log in std::env::var("LOGS").unwrap_or_default().split_whitespace() {
         let begun = std::time::Instant::now();
-        let told = |what: &str| println!("   {:.1} s: {what}", begun.elapsed().as_secs_f64());
-        let found = match level(&[log.into()], &rig, &told) {
+        let trace = |what: &str| println!("   {:.1} s: {what}", begun.elapsed().as_secs_f64());
+        let found = match level(&[log.into()], &rig, &trace) {
             Ok(found) => found.unwrap(),
             Err(error) => {
                 println!("{log}: {error}");

@@ -33,7 +33,7 @@ pub struct LightFit {
 }
 
 /// Log prior probability of a size on the grid: half-Cauchy of median 1, and what is larger than the unevenness of any lamp
-/// and print is light without a name, as likely as a force without one.
+/// and print is light of no known effect, as likely as a force without one.
 fn ln_size(size: f64) -> f64 {
     let half_cauchy = std::f64::consts::FRAC_2_PI * size / (1.0 + size * size) * 4f64.ln();
     let unnamed = PriorTable::default().unnamed;
@@ -98,7 +98,7 @@ impl Data<'_> {
     }
 
     /// Prior's precision and slope at a state, of what all frames share.
-    fn belief(&self, state: &State) -> (DVector<f64>, DVector<f64>) {
+    fn number_prior(&self, state: &State) -> (DVector<f64>, DVector<f64>) {
         let (mut precision, mut slope) = (Vec::new(), Vec::new());
         for (t, numbers) in state.terms.iter().zip(&state.numbers) {
             for (n, (s, v)) in self.candidates[*t].scales.iter().zip(numbers).enumerate() {
@@ -127,7 +127,7 @@ impl Data<'_> {
         state: &State,
         e: &Equations,
     ) -> Option<(DVector<f64>, Cholesky<f64, Dyn>, f64)> {
-        let (precision, slope) = self.belief(state);
+        let (precision, slope) = self.number_prior(state);
         let l = Cholesky::new(&e.information + DMatrix::from_diagonal(&precision))?;
         let right = &e.gradient + slope;
         let step = l.solve(&right);

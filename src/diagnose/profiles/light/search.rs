@@ -162,7 +162,7 @@ fn searched<'a>(
     let first = data.first();
     let mut visited = Visited::default();
     let nothing = visited.fit(&data, &first, others)?;
-    let mut best = climbed(&data, nothing, others, &mut visited, progress)?;
+    let mut best = optimised(&data, nothing, others, &mut visited, progress)?;
     // Noise belongs to the instrument: found once beside the model that comes closest, the same for all.
     let floors = floors(&data, &best.left);
     let other = |(a, b): (&f64, &f64)| (a / b).max(b / a) > FLOOR_CHANGE;
@@ -175,7 +175,7 @@ fn searched<'a>(
             visited.fit(&data, &state, others);
         }
         best = visited.best()?;
-        climbed(&data, best, others, &mut visited, progress)?;
+        optimised(&data, best, others, &mut visited, progress)?;
     }
     let mut models: Vec<LightFit> = visited.0.into_values().collect();
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
@@ -249,7 +249,7 @@ fn ln_prior(data: &Data<'_>, terms: &[usize], others: usize) -> f64 {
 }
 
 /// Stepwise from a model until no move gains.
-fn climbed(
+fn optimised(
     data: &Data<'_>,
     from: LightFit,
     others: usize,
@@ -260,15 +260,15 @@ fn climbed(
     let mut best = from;
     for _ in 0..2 * data.options.effects {
         progress("light of the picture");
-        let promising = promised(&few, &best);
+        let gaining = gaining_starts(&few, &best);
         let mut moves: Vec<State> = Vec::new();
         if best.terms.len() < data.options.effects {
-            moves.extend(promising.iter().map(|p| added(&best.state, p)));
+            moves.extend(gaining.iter().map(|p| added(&best.state, p)));
         }
         for k in 0..best.terms.len() {
             let dropped = dropped(&best.state, k);
             moves.extend(
-                promising
+                gaining
                     .iter()
                     .take(data.options.swaps)
                     .map(|p| added(&dropped, p)),
@@ -306,8 +306,8 @@ fn dropped(state: &State, k: usize) -> State {
     state
 }
 
-/// What a few steps on a few samples gain from each candidate's starts: the best of each, most promising first.
-fn promised(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
+/// What a few steps on a few samples gain from each candidate's starts: the best of each, most gaining first.
+fn gaining_starts(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let in_use = |c: &LightCandidate| {
         best.terms
             .iter()

@@ -1,7 +1,7 @@
 //! The look at the light on frames of the renderer.
 
 use super::look;
-use crate::profiles::candidate::{Base, vocabulary};
+use crate::profiles::candidate::{Base, library};
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::{ImageRun, from_images};
 use hydroline_core::frame::GreyImage;
@@ -38,7 +38,7 @@ fn found(effects: &[(&str, &[(&str, f64)])]) -> (Vec<(&'static str, f64, f64)>, 
     let rig = Rig::builtin("lshpi").unwrap();
     let base = Base::new(&rig).unwrap();
     let geometry = Geometry::new(&rig, base.optics(&[]).unwrap());
-    let others = vocabulary(&base).len();
+    let others = library(&base).len();
     let run = frames(&rig, effects);
     let looked = look(&[run], &rig, &base, &geometry, others, &|_| {}).unwrap();
     let asked = looked.candidates().iter().map(|c| c.info.id).collect();

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::{Jumps, Series};
 use crate::check::{Finding, Options, Severity, name, quantile};
 
-/// A jump as a person is told of it.
+/// A jump as reported.
 struct Seen {
     line: u64,
     change: f64,
@@ -77,8 +77,8 @@ impl Steps<'_> {
         (rows, self.series.line(i - rows))
     }
 
-    /// Largest bend of the rows around, without those that a jump at these steps makes.
-    fn bends(&self, i: usize, back: Option<usize>) -> Option<f64> {
+    /// Largest curvature of the rows around, without those that a jump at these steps makes.
+    fn curvatures(&self, i: usize, back: Option<usize>) -> Option<f64> {
         let n = self.series.values.len();
         let last = back.unwrap_or(i);
         let of_jump = |k: usize| {
@@ -173,8 +173,10 @@ impl Steps<'_> {
             options.push_sudden_mps2
         };
         let off = jump.out_of_line.abs();
-        let quiet = |bend: f64| off > options.quiet_bends * bend;
-        !jump.gap && off / jump.dt_s.powi(2) > hardly && self.bends(i, jump.back).is_some_and(quiet)
+        let quiet = |curvature: f64| off > options.quiet_curvatures * curvature;
+        !jump.gap
+            && off / jump.dt_s.powi(2) > hardly
+            && self.curvatures(i, jump.back).is_some_and(quiet)
     }
 }
 

@@ -99,12 +99,12 @@ impl<'a> Tracks<'a> {
             mean(&sums.fine)?,
             mean(&sums.coarse)?,
         ];
-        let turned = all.map(|v| to_body(middle, v));
-        turned
+        let rotated = all.map(|v| to_body(middle, v));
+        rotated
             .iter()
             .flatten()
             .all(|v| v.is_finite())
-            .then_some(turned)
+            .then_some(rotated)
     }
 
     /// One velocity along the body against the way along one of its axes.

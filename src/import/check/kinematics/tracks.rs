@@ -168,7 +168,7 @@ impl<'a> Tracks<'a> {
     }
 
     /// Velocities of the file taken the other way: along the tank's axes where they were said to be the body's, and
-    /// turned twice where they were turned already.
+    /// rotated twice where they were rotated already.
     pub fn in_other_frame(&self, assumed: Assumed) -> Vector {
         self.vector(0, |i, own| {
             let own = own.map(|v| if v.is_finite() { v } else { 0.0 });
@@ -192,11 +192,11 @@ impl<'a> Tracks<'a> {
     pub fn of_angles(&self) -> Vector {
         self.vector(1, |i, own| {
             let [phi, theta, _] = self.angles(i);
-            let turned = own[1] * phi.sin() + own[2] * phi.cos();
+            let rotated = own[1] * phi.sin() + own[2] * phi.cos();
             [
-                own[0] + turned * theta.tan(),
+                own[0] + rotated * theta.tan(),
                 own[1] * phi.cos() - own[2] * phi.sin(),
-                turned / theta.cos(),
+                rotated / theta.cos(),
             ]
         })
     }

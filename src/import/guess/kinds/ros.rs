@@ -63,9 +63,9 @@ fn fields(child: bool, numbers: &[String]) -> Option<(&'static str, Vec<String>)
     let mut out: Vec<String> = Vec::new();
     let mut add = |names: &[&str]| out.extend(names.iter().map(|n| (*n).to_owned()));
     let covariance = |n: usize| vec!["covariance"; n];
-    let turned_at = |i: usize| numbers.get(i..i + 4).is_some_and(|q| is_quaternion(q, '.'));
+    let rotated_at = |i: usize| numbers.get(i..i + 4).is_some_and(|q| is_quaternion(q, '.'));
     let kind = match (child, numbers.len()) {
-        (true, 85) if turned_at(3) => {
+        (true, 85) if rotated_at(3) => {
             add(&POSITION);
             add(&ORIENTATION);
             add(&covariance(36));
@@ -74,14 +74,14 @@ fn fields(child: bool, numbers: &[String]) -> Option<(&'static str, Vec<String>)
             add(&covariance(36));
             "nav_msgs/Odometry"
         }
-        (true, 13) if turned_at(3) => {
+        (true, 13) if rotated_at(3) => {
             add(&POSITION);
             add(&ORIENTATION);
             add(&LINEAR);
             add(&ANGULAR);
             "nav_msgs/Odometry without covariance"
         }
-        (_, 7 | 43) if turned_at(3) => {
+        (_, 7 | 43) if rotated_at(3) => {
             add(&POSITION);
             add(&ORIENTATION);
             add(&covariance(numbers.len() - 7));
@@ -91,7 +91,7 @@ fn fields(child: bool, numbers: &[String]) -> Option<(&'static str, Vec<String>)
                 _ => "geometry_msgs/PoseWithCovarianceStamped",
             }
         }
-        (false, 37) if turned_at(0) => {
+        (false, 37) if rotated_at(0) => {
             add(&ORIENTATION);
             add(&covariance(9));
             add(&["gyro.x", "gyro.y", "gyro.z"]);
@@ -113,7 +113,7 @@ fn fields(child: bool, numbers: &[String]) -> Option<(&'static str, Vec<String>)
             add(&["covariance"; 3]);
             "geometry_msgs/PointStamped or Vector3Stamped"
         }
-        (_, more) if turned_at(3) => {
+        (_, more) if rotated_at(3) => {
             add(&POSITION);
             add(&ORIENTATION);
             add(&vec!["field"; more - 7]);

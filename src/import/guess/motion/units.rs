@@ -70,7 +70,7 @@ impl Motion {
                 }
                 (None, Dimension::Angle) => (
                     "rad",
-                    format!("no angle is beyond {angles:.3}; deg if the vehicle hardly turned"),
+                    format!("no angle is beyond {angles:.3}; deg if the vehicle hardly rotated"),
                 ),
                 (None, Dimension::Speed) => (
                     "m/s",
@@ -85,7 +85,7 @@ impl Motion {
             };
             unit.clone_into(&mut c.unit);
             if !(shape.units.stated && dimension == Dimension::Length) {
-                c.doubts.push(format!(
+                c.questions.push(format!(
                     "the unit is not written: {unit} assumed ({because})"
                 ));
             }

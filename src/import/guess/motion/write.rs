@@ -11,11 +11,11 @@ impl Motion {
         self.axes(shape, draft);
         for c in &self.channels {
             draft.line(format!("[motion.{}]", place_name(c.place)));
-            for doubt in &c.doubts {
-                draft.toml.push(format!("# {doubt}"));
+            for question in &c.questions {
+                draft.toml.push(format!("# {question}"));
                 draft
                     .remarks
-                    .push(format!("{}: {doubt}", place_name(c.place)));
+                    .push(format!("{}: {question}", place_name(c.place)));
             }
             draft
                 .toml
@@ -50,13 +50,13 @@ impl Motion {
             }
             missing(&stats.columns[columns[0]], draft);
         }
-        for (dof, column, unit, doubts) in &self.loads {
+        for (dof, column, unit, questions) in &self.loads {
             draft.line("[[command]]");
-            for doubt in doubts {
-                draft.toml.push(format!("# {doubt}"));
+            for question in questions {
+                draft.toml.push(format!("# {question}"));
                 draft
                     .remarks
-                    .push(format!("command {}: {doubt}", LOADS[*dof]));
+                    .push(format!("command {}: {question}", LOADS[*dof]));
             }
             draft.line(format!("thruster = \"{}\"", LOADS[*dof]));
             draft
@@ -66,10 +66,10 @@ impl Motion {
             missing(&stats.columns[*column], draft);
         }
         for note in &self.notes {
-            draft.doubt(note.clone());
+            draft.question(note.clone());
         }
         for left in self.left.words() {
-            draft.doubt(left);
+            draft.question(left);
         }
     }
 
@@ -80,10 +80,10 @@ impl Motion {
             .any(|p| self.has(*p))
             || self.quaternion.is_some();
         if self.y_up {
-            draft.doubt("axes: x forward, y up, z to starboard, as Motive has them unless set otherwise, so z_m = -Y and y_m = Z; whether the body points along x is not written");
+            draft.question("axes: x forward, y up, z to starboard, as Motive has them unless set otherwise, so z_m = -Y and y_m = Z; whether the body points along x is not written");
         } else if across {
             let kind = shape.kind;
-            draft.doubt(format!(
+            draft.question(format!(
                 "signs and axes are the file's, taken for x forward, y to starboard, z down, as {kind} need not have them: with z up, sign = -1 on y_m z_m theta_rad psi_rad v_mps w_mps q_radps r_radps, and axes = \"z_up\" of a quaternion"
             ));
         }
@@ -96,7 +96,7 @@ impl Motion {
                 } else {
                     ""
                 };
-            draft.doubt(format!("velocities are taken to be along the {frame}'s axes, which is not written: else frame = \"{other}\"{checked}"));
+            draft.question(format!("velocities are taken to be along the {frame}'s axes, which is not written: else frame = \"{other}\"{checked}"));
         }
     }
 }
@@ -114,7 +114,7 @@ fn missing(column: &Column, draft: &mut Draft) {
             column.empty
         ));
     } else {
-        draft.doubt(format!(
+        draft.question(format!(
             "{} of {rows} cells are empty: a fault unless missing = \"skip\" (or \"hold\")",
             column.empty
         ));

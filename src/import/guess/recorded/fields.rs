@@ -6,7 +6,7 @@ use crate::recorded::TopicContents;
 /// What a field is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum What {
-    /// Place, whether its axis is turned over against ours, whether it is along the tank's axes (`None` = not known).
+    /// Place, whether its axis is reversed against ours, whether it is along the tank's axes (`None` = not known).
     Channel(usize, bool, Option<bool>),
     /// Of w x y z.
     Quaternion(usize),
@@ -38,12 +38,12 @@ pub(super) fn ros(topic: &TopicContents, path: &str) -> Option<What> {
     let mut parts = path.rsplit('.');
     let (last, above) = (parts.next()?, parts.next().unwrap_or(""));
     let axis = ["x", "y", "z"].iter().position(|a| *a == last);
-    let turned = axis.is_some_and(|a| a > 0);
+    let rotated = axis.is_some_and(|a| a > 0);
     let schema = topic.schema.as_str();
     match (above, axis) {
         // Speeds that are wanted are neither measured nor loads.
         ("linear" | "angular", _) if is_wish(&topic.topic) => None,
-        ("position" | "translation" | "point", Some(a)) => Some(Channel(a, turned, None)),
+        ("position" | "translation" | "point", Some(a)) => Some(Channel(a, rotated, None)),
         ("orientation" | "rotation" | "quaternion", _) => {
             let c = ["w", "x", "y", "z"].iter().position(|a| *a == last)?;
             Some(Quaternion(c))
@@ -51,13 +51,13 @@ pub(super) fn ros(topic: &TopicContents, path: &str) -> Option<What> {
         ("linear", Some(a)) if !schema.contains("Accel") => {
             // Of an odometry they are those of the child frame; of a bare twist nobody says.
             let frame = schema.ends_with("Odometry").then_some(false);
-            Some(Channel(6 + a, turned, frame))
+            Some(Channel(6 + a, rotated, frame))
         }
         ("angular" | "angular_velocity", Some(a)) if !schema.contains("Accel") => {
-            Some(Channel(9 + a, turned, None))
+            Some(Channel(9 + a, rotated, None))
         }
-        ("force", Some(a)) => Some(Load(a, turned)),
-        ("torque", Some(a)) => Some(Load(3 + a, turned)),
+        ("force", Some(a)) => Some(Load(a, rotated)),
+        ("torque", Some(a)) => Some(Load(3 + a, rotated)),
         _ if path == "data" => match meaning(&topic.topic, "") {
             Meaning::Channel(place @ 0..12) => Some(Channel(place, false, None)),
             Meaning::Load(d) => Some(Load(d, false)),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// Types of one schema; cyclic definitions are told by depth.
+/// Types of one schema; cyclic definitions are found by depth.
 pub(crate) const DEPTH_MAX: usize = 24;
 /// Structures in one schema.
 const TYPES_MAX: usize = 1000;

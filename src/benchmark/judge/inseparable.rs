@@ -35,7 +35,7 @@ fn alike(one: &DVector<f64>, other: &DVector<f64>) -> f64 {
     if cosine.is_nan() { 0.0 } else { cosine }
 }
 
-/// The sets of a case whose laws are all the vocabulary's; of those with a member over [`SCORED_M`].
+/// The sets of a case whose laws are all the library's; of those with a member over [`SCORED_M`].
 pub(super) fn sums(case: &Case, ideal: &Ideal) -> Result<Vec<Sum>, ProveError> {
     let key = &case.key;
     let scale = key.tank.scale(&key.runs)?;

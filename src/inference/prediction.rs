@@ -23,16 +23,16 @@ pub struct Prediction {
 }
 
 impl Problem {
-    /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then foretold but for
+    /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then predicted but for
     /// where it began.
-    pub fn foretold(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {
+    pub fn with_starts(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {
         let places = self.body.start_places(terms);
         let mut at: Point = globals[..places[0]].to_vec();
         for (run, free) in self.body.starts.iter().enumerate() {
             at.extend(free.iter().map(|c| self.body.rest[run][*c]));
         }
         let n = at.len() - places[0];
-        let belief = self.belief(terms);
+        let number_prior = self.number_prior(terms);
         let none = Force {
             sd_mps2: 0.0,
             correlation_s: 1.0,
@@ -48,7 +48,7 @@ impl Problem {
                 gradient += normal.gradient.rows(places[0], n);
             }
             let first = places[0];
-            belief.add_starts(first, &at, &mut information, &mut gradient);
+            number_prior.add_starts(first, &at, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
             for i in 0..n {
                 at[places[0] + i] += step[i];
@@ -58,16 +58,16 @@ impl Problem {
     }
 
     /// What a model predicts of runs that it has not seen.
-    pub fn foretell(&self, fit: &Fit) -> Option<Prediction> {
-        let point = self.foretold(&fit.terms, &fit.point)?;
+    pub fn predict(&self, fit: &Fit) -> Option<Prediction> {
+        let point = self.with_starts(&fit.terms, &fit.point)?;
         Some(Prediction {
             values: self.predicted(&fit.terms, &point),
-            sd: self.foretold_sd(fit, &point)?,
+            sd: self.prediction_sd(fit, &point)?,
         })
     }
 
     /// Per run and channel the sd of the motion that a fit's numbers leave, but for what a run's start takes up.
-    fn foretold_sd(&self, fit: &Fit, point: &[f64]) -> Option<Vec<Rms>> {
+    fn prediction_sd(&self, fit: &Fit, point: &[f64]) -> Option<Vec<Rms>> {
         let places = self.body.start_places(&fit.terms);
         let globals = places[0];
         let covariance = fit.covariance.view((0, 0), (globals, globals));
@@ -113,7 +113,7 @@ impl Problem {
         each.collect()
     }
 
-    /// Every run as the others foretell it, each model fitted anew without it.
+    /// Every run as the others predict it, each model fitted anew without it.
     pub fn one_run_out(&self, fit: &Fit) -> Option<Prediction> {
         let runs = self.body.recording.runs.len();
         let places = self.body.start_places(&fit.terms);
@@ -126,7 +126,7 @@ impl Problem {
                 from.extend(&fit.point[places[*r]..places[r + 1]]);
             }
             let made = part.fit(&fit.terms, &from, fit.cells.clone(), Effort::default())?;
-            let of = self.only(&[out]).foretell(&made)?;
+            let of = self.only(&[out]).predict(&made)?;
             all.values.extend(of.values);
             all.sd.extend(of.sd);
         }

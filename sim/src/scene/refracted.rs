@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 /// One pose's view of the scene along rays that are no linear function of the pixel.
 #[derive(Debug, Clone)]
-pub(super) struct BentView {
+pub(super) struct RefractedView {
     lens: Lens,
     frames: Frames,
     optics: Optics,
@@ -21,16 +21,16 @@ pub(super) struct BentView {
 
 /// A ray in the water.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct BentRay {
+pub(super) struct RefractedRay {
     origin: Vector3<f64>,
     direction: Vector3<f64>,
 }
 
-impl BentView {
+impl RefractedView {
     /// As [`View::new`].
     pub fn new(optics: &Optics, target_origin: [f64; 3], pose: &Pose6) -> Self {
         let (yaw, pitch) = (optics.sheet_tan_yaw, optics.sheet_tan_pitch);
-        BentView {
+        RefractedView {
             lens: Lens::new(optics),
             frames: Frames::new(optics, target_origin, pose),
             optics: *optics,
@@ -40,15 +40,15 @@ impl BentView {
     }
 }
 
-impl Sight for BentView {
-    type Ray = BentRay;
+impl Sight for RefractedView {
+    type Ray = RefractedRay;
 
-    fn ray(&self, u: f64, v: f64) -> BentRay {
+    fn ray(&self, u: f64, v: f64) -> RefractedRay {
         let (origin, direction) = self.lens.ray(u, v);
-        BentRay { origin, direction }
+        RefractedRay { origin, direction }
     }
 
-    fn line(&self, ray: &BentRay) -> Line {
+    fn line(&self, ray: &RefractedRay) -> Line {
         let f = &self.frames;
         Line {
             origin: [f.x, f.y, f.height].map(|(n, offset)| n.dot(&ray.origin) + offset),
@@ -56,7 +56,7 @@ impl Sight for BentView {
         }
     }
 
-    fn off_m(&self, ray: &BentRay, t: f64) -> f64 {
+    fn off_m(&self, ray: &RefractedRay, t: f64) -> f64 {
         let (n, offset) = self.frames.sheet;
         let plane = n.dot(&ray.origin) + offset + t * n.dot(&ray.direction);
         if self.optics.cone_sin == 0.0 {
@@ -66,7 +66,7 @@ impl Sight for BentView {
         plane - self.optics.cone_m(y, z) / self.normal
     }
 
-    fn fan(&self, ray: &BentRay, t: f64) -> [f64; 2] {
+    fn fan(&self, ray: &RefractedRay, t: f64) -> [f64; 2] {
         [
             ray.origin.y + t * ray.direction.y,
             ray.origin.z + t * ray.direction.z,
@@ -125,7 +125,7 @@ mod tests {
             (optics.n_water, optics.port_m, optics.distortion[0]) = (n, 0.02, k1);
             (optics.cone_sin, optics.sheet_tan_pitch) = (cone, tilt);
             let pose = Pose6 { x_m: 0.1, y_m: 0.02, z_m: -0.8, phi_rad: phi, theta_rad: theta, psi_rad: psi };
-            let view = BentView::new(&optics, [0.1, 0.0, 0.2], &pose);
+            let view = RefractedView::new(&optics, [0.1, 0.0, 0.2], &pose);
             let (row, t) = view.row_of(u, height, off).unwrap();
             let ray = view.ray(u, row);
             let line = view.line(&ray);
@@ -133,19 +133,19 @@ mod tests {
             prop_assert!((view.off_m(&ray, t) - off).abs() < 1e-12);
         }
 
-        /// Told of no bend it is the plain view.
+        /// Without refraction it is the plain view.
         #[test]
-        fn without_a_bend_it_is_the_plain_view(u in 0.0..720.0f64, v in 0.0..576.0f64, theta in -0.1..0.1f64) {
+        fn without_refraction_it_is_the_plain_view(u in 0.0..720.0f64, v in 0.0..576.0f64, theta in -0.1..0.1f64) {
             let optics: Optics = Optics::new(&lshpi_rig());
             let pose = Pose6 { z_m: -0.8, theta_rad: theta, psi_rad: 0.3, ..Pose6::default() };
-            let (bent, plain) = (BentView::new(&optics, [0.0; 3], &pose), View::new(&optics, [0.0; 3], &pose));
-            let (a, b) = (bent.ray(u, v), plain.ray(u, v));
-            let (la, lb) = (bent.line(&a), plain.line(&b));
+            let (refracted, plain) = (RefractedView::new(&optics, [0.0; 3], &pose), View::new(&optics, [0.0; 3], &pose));
+            let (a, b) = (refracted.ray(u, v), plain.ray(u, v));
+            let (la, lb) = (refracted.line(&a), plain.line(&b));
             for i in 0..3 {
                 prop_assert!((la.origin[i] - lb.origin[i]).abs() < 1e-12);
                 prop_assert!((la.direction[i] - lb.direction[i]).abs() < 1e-12);
             }
-            prop_assert!((bent.off_m(&a, 0.7) - plain.off_m(&b, 0.7)).abs() < 1e-12);
+            prop_assert!((refracted.off_m(&a, 0.7) - plain.off_m(&b, 0.7)).abs() < 1e-12);
         }
     }
 }

@@ -263,7 +263,7 @@ mod tests {
             motion: (0..=10).map(|k| row(f64::from(k))).collect(),
             sd: vec![row(0.1); 11],
             commands: vec![(1.0, row6(4.0))],
-            without_doubt: Vec::new(),
+            without_uncertainty: Vec::new(),
         }
     }
 

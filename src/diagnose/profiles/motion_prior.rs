@@ -1,13 +1,13 @@
-//! The wobble of one DOF that the data are most evidence for.
+//! The prior of one DOF's motion with the largest evidence.
 //!
-//! The same path is a quick wobble about the rig's motion or a slow force on the vehicle: each is a
+//! The same path is a quick disturbance about the rig's motion or a slow force on the vehicle: each is a
 //! maximum of its own, which no change of one number leaves. So the search starts from each kind.
 
 use super::evidence::{Quadratic, half_log_det};
-use super::prior::{Motion, Wobble};
+use super::prior::{Motion, MotionPrior};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Numbers of a wobble move by this factor at a time, within these bounds.
+/// Numbers of a motion prior move by this factor at a time, within these bounds.
 const FACTOR: f64 = 3.0;
 /// Standard deviation of a position \[m\] or an angle \[rad\].
 const SD: [f64; 2] = [3e-6, 0.3];
@@ -19,19 +19,19 @@ const DRIVE: [f64; 2] = [1e-12, 1e-2];
 const LEAST: f64 = 0.01;
 /// Rounds through the numbers at most.
 const ROUNDS: usize = 12;
-/// Starts: nearly no wobble and what a tank does to a vehicle; a small and a wide wobble, no force.
-const STARTS: [Wobble; 3] = [
-    Wobble {
+/// Starts: nearly no disturbance and what a tank does to a vehicle; a small and a wide disturbance, no force.
+const STARTS: [MotionPrior; 3] = [
+    MotionPrior {
         sd: 1e-5,
         tau_s: 2.0,
         drive: 1e-7,
     },
-    Wobble {
+    MotionPrior {
         sd: 3e-4,
         tau_s: 2.0,
         drive: 1e-11,
     },
-    Wobble {
+    MotionPrior {
         sd: 1e-2,
         tau_s: 2.0,
         drive: 1e-11,
@@ -78,12 +78,12 @@ impl<'a> Alone<'a> {
         })
     }
 
-    /// log evidence with this wobble, up to what no wobble of this DOF changes.
-    pub fn value(&self, wobble: &Wobble) -> Option<f64> {
+    /// log evidence with this motion prior, up to what no motion prior of this DOF changes.
+    pub fn value(&self, motion_prior: &MotionPrior) -> Option<f64> {
         let mut with = self.a.clone();
         let (mut half, mut first) = (0.0, 0);
         for motion in self.motions {
-            let known = motion.precision(self.dof, wobble)?;
+            let known = motion.precision(self.dof, motion_prior)?;
             let (own, own_half) = known.as_ref();
             let n = motion.frames();
             let mut block = with.view_mut((first, first), (n, n));
@@ -99,11 +99,15 @@ impl<'a> Alone<'a> {
 
 /// The best by `value` from the present one and from each kind; the present one where none is
 /// better. `driven`: whether the DOF has a force at all.
-pub fn chosen(present: Wobble, driven: bool, value: &dyn Fn(&Wobble) -> Option<f64>) -> Wobble {
-    let mut best = climbed(present, driven, value);
+pub fn chosen(
+    present: MotionPrior,
+    driven: bool,
+    value: &dyn Fn(&MotionPrior) -> Option<f64>,
+) -> MotionPrior {
+    let mut best = optimised(present, driven, value);
     for start in STARTS {
         let drive = if driven { start.drive } else { present.drive };
-        let found = climbed(Wobble { drive, ..start }, driven, value);
+        let found = optimised(MotionPrior { drive, ..start }, driven, value);
         if found.1 > best.1.map(|b| b + LEAST) {
             best = found;
         }
@@ -112,67 +116,67 @@ pub fn chosen(present: Wobble, driven: bool, value: &dyn Fn(&Wobble) -> Option<f
 }
 
 /// Number by number, up and down by a factor, until nothing gains.
-fn climbed(
-    start: Wobble,
+fn optimised(
+    start: MotionPrior,
     driven: bool,
-    value: &dyn Fn(&Wobble) -> Option<f64>,
-) -> (Wobble, Option<f64>) {
-    let (mut wobble, mut best) = (start, value(&start));
+    value: &dyn Fn(&MotionPrior) -> Option<f64>,
+) -> (MotionPrior, Option<f64>) {
+    let (mut motion_prior, mut best) = (start, value(&start));
     for _ in 0..ROUNDS {
-        let before = wobble;
+        let before = motion_prior;
         for part in 0..if driven { 3 } else { 2 } {
             for factor in [FACTOR, 1.0 / FACTOR] {
                 let mut moved = false;
                 loop {
-                    let mut tried = wobble;
+                    let mut tried = motion_prior;
                     let (number, [low, high]) = match part {
                         0 => (&mut tried.sd, SD),
                         1 => (&mut tried.tau_s, TAU_S),
                         _ => (&mut tried.drive, DRIVE),
                     };
                     *number = (*number * factor).clamp(low, high);
-                    if tried == wobble {
+                    if tried == motion_prior {
                         break;
                     }
                     let found = value(&tried);
                     if found <= best.map(|b| b + LEAST) {
                         break;
                     }
-                    (wobble, best, moved) = (tried, found, true);
+                    (motion_prior, best, moved) = (tried, found, true);
                 }
                 if moved {
                     break;
                 }
             }
         }
-        if wobble == before {
+        if motion_prior == before {
             break;
         }
     }
-    (wobble, best)
+    (motion_prior, best)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Two maxima, a wide wobble and a force: whichever the present one is at, the higher is found.
+    /// Two maxima, a wide disturbance and a force: whichever the present one is at, the higher is found.
     #[test]
     fn leaves_the_lower_of_two_maxima() {
         let value = |force_nats: f64| {
-            move |w: &Wobble| {
+            move |w: &MotionPrior| {
                 let near = |a: f64, b: f64| (a / b).ln().powi(2);
                 let wide = 40.0 - near(w.sd, 1e-2) - 0.1 * near(w.tau_s, 1.0);
                 let force = force_nats - near(w.drive, 1e-6) - near(w.sd.max(1e-5), 1e-5);
                 Some(wide.max(force))
             }
         };
-        let wide = Wobble {
+        let wide = MotionPrior {
             sd: 1e-2,
             tau_s: 1.0,
             drive: 1e-11,
         };
-        let force = Wobble {
+        let force = MotionPrior {
             sd: 1e-5,
             tau_s: 1.0,
             drive: 1e-6,
@@ -180,7 +184,7 @@ mod tests {
         for present in [wide, force] {
             assert!(chosen(present, true, &value(100.0)).drive > 1e-7);
             assert!(chosen(present, true, &value(0.0)).sd > 1e-3);
-            // A DOF without a force has only the wobble.
+            // A DOF without a force has only the disturbance.
             assert!(chosen(present, false, &value(0.0)).sd > 1e-3);
         }
         // What cannot be better stays as it is.

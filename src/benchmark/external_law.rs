@@ -1,4 +1,4 @@
-//! Laws that the vocabulary does not have: near ones (a known mechanism, another law) and unnamed ones.
+//! Laws that the library does not have: near ones (a known mechanism, another law) and unnamed ones.
 //!
 //! They live here only: the diagnosis must not know them.
 
@@ -24,10 +24,10 @@ pub struct Here {
     pub load_n: f64,
 }
 
-/// A law outside of the vocabulary.
+/// A law outside of the library.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Strange {
+pub enum ExternalLaw {
     /// X - w tanh(X / w): a deadband without corners.
     SoftDeadband {
         /// w \[N\].
@@ -117,7 +117,7 @@ pub enum Strange {
     Modulated(Modulated),
 }
 
-/// Mechanisms with a near law.
+/// Mechanisms with a misspecified law.
 pub const NEAR: [&str; 7] = [
     "thruster_deadband",
     "thruster_lag",
@@ -140,36 +140,36 @@ fn sign(rng: &mut StdRng) -> f64 {
     if rng.random::<bool>() { 1.0 } else { -1.0 }
 }
 
-impl Strange {
-    /// A near law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.
-    pub fn near(mechanism: &str, share: f64, top_n: f64, rng: &mut StdRng) -> Option<Strange> {
+impl ExternalLaw {
+    /// A misspecified law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.
+    pub fn near(mechanism: &str, share: f64, top_n: f64, rng: &mut StdRng) -> Option<ExternalLaw> {
         Some(match mechanism {
-            "thruster_deadband" => Strange::SoftDeadband {
+            "thruster_deadband" => ExternalLaw::SoftDeadband {
                 width_n: 1.2 * share,
             },
-            "thruster_saturation" => Strange::SoftSaturation {
+            "thruster_saturation" => ExternalLaw::SoftSaturation {
                 limit_n: top_n * (1.05 - 0.5 * share),
             },
-            "thruster_lag" => Strange::TwoStageLag { lag_s: 0.5 * share },
-            "current" => Strange::NonUniformCurrent {
+            "thruster_lag" => ExternalLaw::TwoStageLag { lag_s: 0.5 * share },
+            "current" => ExternalLaw::NonUniformCurrent {
                 vx_mps: 0.02 * share * sign(rng),
                 slope_per_m: between(rng, 0.2, 0.6) * sign(rng),
             },
             "coulomb_friction" => {
                 let f_n = 0.5 * share;
-                Strange::Stribeck {
+                ExternalLaw::Stribeck {
                     f_n,
                     rise_n: f_n * between(rng, 0.2, 0.6),
                     speed_mps: between(rng, 0.01, 0.03),
                 }
             }
-            "battery_sag" => Strange::RecoveringBattery {
+            "battery_sag" => ExternalLaw::RecoveringBattery {
                 sag: 0.1 * share,
                 recovery_s: between(rng, 30.0, 90.0),
             },
             "tether_spring" => {
                 let stiffness_npm = 2.0 * share;
-                Strange::StiffeningTether {
+                ExternalLaw::StiffeningTether {
                     stiffness_npm,
                     growth_npm2: stiffness_npm * between(rng, 0.2, 0.6),
                     slack_m: between(rng, -0.1, 0.4),
@@ -185,31 +185,31 @@ impl Strange {
         share: f64,
         reach_m: (f64, f64),
         rng: &mut StdRng,
-    ) -> Option<Strange> {
+    ) -> Option<ExternalLaw> {
         let f_n = 2.0 * share * sign(rng);
         let span = reach_m.1 - reach_m.0;
         Some(match kind {
-            "place_bump" => Strange::PlaceBump {
+            "place_bump" => ExternalLaw::PlaceBump {
                 f_n,
                 centre_m: reach_m.0 + span * between(rng, 0.2, 0.8),
                 width_m: between(rng, 0.06, 0.15),
             },
-            "place_wave" => Strange::PlaceWave {
+            "place_wave" => ExternalLaw::PlaceWave {
                 f_n,
                 length_m: between(rng, 0.2, 0.5),
                 phase_rad: between(rng, -std::f64::consts::PI, std::f64::consts::PI),
             },
-            "speed_bump" => Strange::SpeedBump {
+            "speed_bump" => ExternalLaw::SpeedBump {
                 f_n,
                 speed_mps: between(rng, 0.06, 0.12),
                 width_mps: between(rng, 0.01, 0.025),
             },
-            "pull" => Strange::Pull {
+            "pull" => ExternalLaw::Pull {
                 f_n,
                 from_s: std::array::from_fn(|_| between(rng, 3.0, 17.0)),
                 for_s: between(rng, 1.5, 4.0),
             },
-            COMPOSED => Strange::Composed(Composed::draw(f_n, reach_m, rng)),
+            COMPOSED => ExternalLaw::Composed(Composed::draw(f_n, reach_m, rng)),
             _ => return None,
         })
     }
@@ -218,21 +218,21 @@ impl Strange {
     pub fn thrust(&self, here: &Here, own: &[f64; 2], rate: &mut [f64; 2]) -> f64 {
         let load_n = here.load_n;
         match *self {
-            Strange::SoftDeadband { width_n } => load_n - width_n * (load_n / width_n).tanh(),
-            Strange::SoftSaturation { limit_n } => {
+            ExternalLaw::SoftDeadband { width_n } => load_n - width_n * (load_n / width_n).tanh(),
+            ExternalLaw::SoftSaturation { limit_n } => {
                 load_n / (1.0 + (load_n / limit_n).abs().powi(6)).powf(1.0 / 6.0)
             }
-            Strange::TwoStageLag { lag_s } => {
+            ExternalLaw::TwoStageLag { lag_s } => {
                 rate[0] = (load_n - own[0]) / (0.5 * lag_s);
                 rate[1] = (own[0] - own[1]) / (0.5 * lag_s);
                 own[1]
             }
-            Strange::RecoveringBattery { sag, recovery_s } => {
+            ExternalLaw::RecoveringBattery { sag, recovery_s } => {
                 let left = load_n * (1.0 - sag * own[0]).max(0.0);
                 rate[0] = left.abs() / 100.0 - own[0] / recovery_s;
                 left
             }
-            Strange::Modulated(law) => law.thrust(load_n, here),
+            ExternalLaw::Modulated(law) => law.thrust(load_n, here),
             _ => load_n,
         }
     }
@@ -240,14 +240,14 @@ impl Strange {
     /// Force on the hull \[N\].
     pub fn force(&self, here: &Here) -> f64 {
         match *self {
-            Strange::NonUniformCurrent {
+            ExternalLaw::NonUniformCurrent {
                 vx_mps,
                 slope_per_m,
             } => {
                 let drag = |u: f64| (here.drag[0] + here.drag[1] * u.abs()) * u;
                 drag(here.u_mps - vx_mps * (1.0 + slope_per_m * here.x_m)) - drag(here.u_mps)
             }
-            Strange::Stribeck {
+            ExternalLaw::Stribeck {
                 f_n,
                 rise_n,
                 speed_mps,
@@ -255,7 +255,7 @@ impl Strange {
                 -(here.u_mps / 0.004).tanh()
                     * (f_n + rise_n * (-(here.u_mps / speed_mps).powi(2)).exp())
             }
-            Strange::StiffeningTether {
+            ExternalLaw::StiffeningTether {
                 stiffness_npm,
                 growth_npm2,
                 slack_m,
@@ -263,17 +263,17 @@ impl Strange {
                 let d = (here.x_m - slack_m).max(0.0);
                 -(stiffness_npm + growth_npm2 * d) * d
             }
-            Strange::PlaceBump {
+            ExternalLaw::PlaceBump {
                 f_n,
                 centre_m,
                 width_m,
             } => f_n * (-((here.x_m - centre_m) / width_m).powi(2)).exp(),
-            Strange::PlaceWave {
+            ExternalLaw::PlaceWave {
                 f_n,
                 length_m,
                 phase_rad,
             } => f_n * (std::f64::consts::TAU * here.x_m / length_m + phase_rad).sin(),
-            Strange::SpeedBump {
+            ExternalLaw::SpeedBump {
                 f_n,
                 speed_mps,
                 width_mps,
@@ -281,7 +281,7 @@ impl Strange {
                 -f_n * here.u_mps.signum()
                     * (-((here.u_mps.abs() - speed_mps) / width_mps).powi(2)).exp()
             }
-            Strange::Pull { f_n, from_s, for_s } => {
+            ExternalLaw::Pull { f_n, from_s, for_s } => {
                 let from = from_s[here.run.min(3)];
                 if (from..from + for_s).contains(&here.t_s) {
                     f_n
@@ -289,8 +289,8 @@ impl Strange {
                     0.0
                 }
             }
-            Strange::Composed(law) => law.force(here),
-            Strange::Modulated(law) => law.force(here),
+            ExternalLaw::Composed(law) => law.force(here),
+            ExternalLaw::Modulated(law) => law.force(here),
             _ => 0.0,
         }
     }
@@ -298,7 +298,7 @@ impl Strange {
     /// Times at which the law jumps \[s\].
     pub fn jumps_s(&self, run: usize) -> Vec<f64> {
         match self {
-            Strange::Pull { from_s, for_s, .. } => {
+            ExternalLaw::Pull { from_s, for_s, .. } => {
                 let from = from_s[run.min(3)];
                 vec![from, from + for_s]
             }
@@ -313,7 +313,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn near_laws_become_the_vocabularys_far_from_what_makes_them_soft() {
+    fn misspecified_laws_become_the_vocabularys_far_from_what_makes_them_soft() {
         let mut rate = [0.0; 2];
         let here = |load_n| Here {
             t_s: 0.0,
@@ -323,13 +323,13 @@ mod tests {
             run: 0,
             load_n,
         };
-        let dead = Strange::SoftDeadband { width_n: 0.5 };
+        let dead = ExternalLaw::SoftDeadband { width_n: 0.5 };
         assert!((dead.thrust(&here(8.0), &[0.0; 2], &mut rate) - 7.5).abs() < 1e-6);
         assert!(dead.thrust(&here(0.1), &[0.0; 2], &mut rate).abs() < 2e-3);
-        let limit = Strange::SoftSaturation { limit_n: 6.0 };
+        let limit = ExternalLaw::SoftSaturation { limit_n: 6.0 };
         assert!((limit.thrust(&here(1.0), &[0.0; 2], &mut rate) - 1.0).abs() < 1e-4);
         assert!((limit.thrust(&here(-60.0), &[0.0; 2], &mut rate) + 6.0).abs() < 1e-5);
-        let lag = Strange::TwoStageLag { lag_s: 0.4 };
+        let lag = ExternalLaw::TwoStageLag { lag_s: 0.4 };
         assert_eq!(lag.thrust(&here(5.0), &[5.0, 5.0], &mut rate), 5.0);
         assert_eq!(rate, [0.0, 0.0]);
     }
@@ -338,10 +338,10 @@ mod tests {
     fn every_listed_law_can_be_drawn_and_does_something() {
         let mut rng = StdRng::seed_from_u64(1);
         for m in NEAR {
-            assert!(Strange::near(m, 0.7, 16.0, &mut rng).is_some(), "{m}");
+            assert!(ExternalLaw::near(m, 0.7, 16.0, &mut rng).is_some(), "{m}");
         }
         for k in UNNAMED {
-            let law = Strange::unnamed(k, 0.5, (0.0, 1.0), &mut rng).unwrap();
+            let law = ExternalLaw::unnamed(k, 0.5, (0.0, 1.0), &mut rng).unwrap();
             let strongest = (0..4000)
                 .map(|i| {
                     let here = Here {

@@ -1,4 +1,4 @@
-//! What the light says as part of the verdict: effects, sets that tie, light without a name.
+//! What the light says as part of the verdict: effects, sets that tie, light of no known effect.
 
 use super::fit::{LightFit, SIZES};
 use super::search::Looked;
@@ -6,8 +6,8 @@ use crate::verdict::ESTABLISHED;
 use hydroline_rigs::PhysicsEntry;
 use hydroline_sim::effect::{CheckedEffect, EffectInfo};
 
-/// Probability from which an effect is told of at all.
-const TOLD: f64 = 0.5;
+/// Probability from which an effect is listed.
+const LISTED: f64 = 0.5;
 
 /// An effect that lights the picture.
 #[derive(Debug, Clone)]
@@ -77,7 +77,7 @@ impl Looked<'_> {
             let or: Vec<String> = or
                 .flat_map(|s| s.iter().filter(|o| !own.contains(o)).cloned())
                 .collect();
-            if probability > TOLD || !or.is_empty() {
+            if probability > LISTED || !or.is_empty() {
                 out.push(LightEffect {
                     effect: c.effect(&best.numbers[k]),
                     sds: best.sds[k].clone(),

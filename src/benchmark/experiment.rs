@@ -8,8 +8,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::disturbance::Disturbance;
 use super::error::ProveError;
+use super::external_law::ExternalLaw;
 use super::motion::Mover;
-use super::strange::Strange;
 use hydroline_diagnose::Source;
 use hydroline_diagnose::faults::{Records, faults};
 use hydroline_identify::data::load_messages;
@@ -36,8 +36,8 @@ pub struct Tank {
     pub vehicle: Vehicle,
     /// Effects that are there.
     pub entries: Vec<PhysicsEntry>,
-    /// A law outside of the vocabulary.
-    pub strange: Option<Strange>,
+    /// A law outside of the library.
+    pub external_law: Option<ExternalLaw>,
     /// Measurement.
     pub disturbance: Disturbance,
     /// Of noise.
@@ -82,11 +82,15 @@ impl Tank {
         Ok(top)
     }
 
-    fn mover<'a>(&'a self, entries: &'a [PhysicsEntry], strange: Option<&'a Strange>) -> Mover<'a> {
+    fn mover<'a>(
+        &'a self,
+        entries: &'a [PhysicsEntry],
+        external_law: Option<&'a ExternalLaw>,
+    ) -> Mover<'a> {
         Mover {
             vehicle: &self.vehicle,
             entries,
-            strange,
+            external_law,
             start: self.rig.tank.start_pose,
         }
     }
@@ -102,7 +106,7 @@ impl Tank {
             .map(|k| EXPOSURE_S + f64::from(k) / RATE_HZ)
             .collect();
         let x = self
-            .mover(&self.entries, self.strange.as_ref())
+            .mover(&self.entries, self.external_law.as_ref())
             .positions(run, &edges, &all_s)?;
         let noise = self.disturbance.along(&all_s, &x, &mut rng);
         let far = self.disturbance.far_off(all_s.len(), &mut rng);
@@ -163,20 +167,20 @@ impl Tank {
         runs: &[Recorded],
         vehicle: &Vehicle,
         entries: &[PhysicsEntry],
-        strange: Option<&Strange>,
+        external_law: Option<&ExternalLaw>,
     ) -> Result<DVector<f64>, ProveError> {
         let mut all = Vec::new();
         for (run, r) in runs.iter().enumerate() {
             let mover = Mover {
                 vehicle,
-                ..self.mover(entries, strange)
+                ..self.mover(entries, external_law)
             };
             all.extend(mover.positions(run, &r.edges, &r.times_s)?);
         }
         Ok(DVector::from_vec(all))
     }
 
-    /// Weight as interfaces.md defines it \[m\], of each effect alone (the strange law last), at the
+    /// Weight as reference/interfaces.md defines it \[m\], of each effect alone (the external law last), at the
     /// true vehicle; derivatives by central differences.
     ///
     /// # Errors
@@ -187,7 +191,7 @@ impl Tank {
         for entry in &self.entries {
             weights.push(rms(&scale.left_m(std::slice::from_ref(entry), None)?));
         }
-        if let Some(s) = &self.strange {
+        if let Some(s) = &self.external_law {
             weights.push(rms(&scale.left_m(&[], Some(s))?));
         }
         Ok(weights)
@@ -203,12 +207,12 @@ impl Tank {
         for c in Coefficient::of(Dof::Surge) {
             let value = c.of_vehicle(&self.vehicle);
             let step = 1e-4 * value.abs();
-            let bent = |v: f64| {
+            let shifted = |v: f64| {
                 let mut vehicle = self.vehicle.clone();
                 c.put(&mut vehicle, v);
                 self.over(runs, &vehicle, &[], None)
             };
-            columns.push((bent(value + step)? - bent(value - step)?) / (2.0 * step));
+            columns.push((shifted(value + step)? - shifted(value - step)?) / (2.0 * step));
         }
         Ok(Scale {
             tank: self,
@@ -232,10 +236,10 @@ impl Scale<'_> {
     fn left_m(
         &self,
         entries: &[PhysicsEntry],
-        strange: Option<&Strange>,
+        external_law: Option<&ExternalLaw>,
     ) -> Result<DVector<f64>, ProveError> {
         let vehicle = &self.tank.vehicle;
-        let with_m = self.tank.over(self.runs, vehicle, entries, strange)?;
+        let with_m = self.tank.over(self.runs, vehicle, entries, external_law)?;
         Ok(outside(&self.own, &(with_m - &self.bare_m)))
     }
 

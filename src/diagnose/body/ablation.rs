@@ -6,20 +6,20 @@ use hydroline_inference::term::Kind;
 
 use super::effects::table;
 use super::found::{Judged, relative};
-use crate::verdict::Rung;
+use crate::verdict::AblationStep;
 
 impl Judged<'_> {
-    /// The vehicle alone, then with each effect that matters, each time the one that foretells best; all numbers fitted
+    /// The vehicle alone, then with each effect that matters, each time the one that predicts best; all numbers fitted
     /// together. Empty where fewer than two matter.
-    pub fn ladder(&self) -> Vec<Rung> {
+    pub fn ablation(&self) -> Vec<AblationStep> {
         let heavy: Vec<usize> = self.heavy(self.best).into_iter().collect();
         if heavy.len() < 2 {
             return Vec::new();
         }
-        let Some((alone, _)) = self.foretold_already() else {
+        let Some((alone, _)) = self.predicted_already() else {
             return Vec::new();
         };
-        let mut made = vec![self.rung(String::new(), self.alone, &alone)];
+        let mut made = vec![self.step(String::new(), self.alone, &alone)];
         let mut last = self.alone.clone();
         let mut open = heavy;
         while !open.is_empty() {
@@ -27,21 +27,21 @@ impl Judged<'_> {
                 let mut with: Vec<usize> = last.terms.clone();
                 with.extend(self.with_its_own(*added));
                 let fit = self.part(&with)?;
-                let held = self.foretold_by(&fit)?;
+                let held = self.predicted_by(&fit)?;
                 Some((place, fit, held))
             });
             let better = tried.min_by(|a, b| self.size(&a.2).total_cmp(&self.size(&b.2)));
             let Some((place, fit, held)) = better else {
                 return Vec::new();
             };
-            made.push(self.rung(self.id(open.remove(place)), &fit, &held));
+            made.push(self.step(self.id(open.remove(place)), &fit, &held));
             last = fit;
         }
         made
     }
 
-    fn rung(&self, effect: String, fit: &Fit, held: &Rms) -> Rung {
-        Rung {
+    fn step(&self, effect: String, fit: &Fit, held: &Rms) -> AblationStep {
+        AblationStep {
             effect,
             train: table(&self.found.problem.left(&fit.terms, &fit.point)),
             held_out: table(held),
@@ -49,8 +49,8 @@ impl Judged<'_> {
     }
 
     /// What the vehicle alone and the likeliest model miss of runs held out, or left out in turn.
-    fn foretold_already(&self) -> Option<(Rms, Rms)> {
-        let held = self.held.as_ref().map(|(_, foretold)| foretold);
+    fn predicted_already(&self) -> Option<(Rms, Rms)> {
+        let held = self.held.as_ref().map(|(_, predicted)| predicted);
         Some(held.or(self.one_run_out.as_ref())?.rms)
     }
 
@@ -85,12 +85,12 @@ impl Judged<'_> {
     }
 
     /// rms of the runs held out under a model, or of each run by the others.
-    fn foretold_by(&self, fit: &Fit) -> Option<Rms> {
+    fn predicted_by(&self, fit: &Fit) -> Option<Rms> {
         if fit.terms == self.best.terms {
-            return Some(self.foretold_already()?.1);
+            return Some(self.predicted_already()?.1);
         }
         match &self.held {
-            Some((over, _)) => Some(over.left_of(&over.foretell(fit)?.values)),
+            Some((over, _)) => Some(over.left_of(&over.predict(fit)?.values)),
             None => {
                 let problem = &self.found.problem;
                 Some(problem.left_of(&problem.one_run_out(fit)?.values))

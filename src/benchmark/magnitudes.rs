@@ -1,7 +1,7 @@
 //! Practical sizes: what a share of an effect's practical size is in its parameters.
 //!
 //! Only the motion-level effects that act in surge and leave something in a position log; sizes as
-//! in physics.md. 1 = the largest that a tank run may show, 0 = nothing.
+//! in theory/physics.md. 1 = the largest that a tank run may show, 0 = nothing.
 
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use rand::{RngExt, rngs::StdRng};

@@ -14,14 +14,14 @@ const INFORMATION_LEAST: f64 = 1e-12;
 
 /// Prior of a model's numbers.
 #[derive(Debug, Clone)]
-pub struct Belief {
+pub struct NumberPrior {
     /// One per number.
     pub densities: Vec<Density>,
     /// Tables among them.
     pub blocks: Vec<Block>,
 }
 
-impl Belief {
+impl NumberPrior {
     /// Log density of a point.
     pub fn ln(&self, point: &[f64], cells: &Cells) -> f64 {
         let each = self.densities.iter().zip(point);
@@ -88,7 +88,7 @@ impl Belief {
         information: &mut DMatrix<f64>,
         gradient: &mut DVector<f64>,
     ) {
-        let starts = Belief {
+        let starts = NumberPrior {
             densities: self.densities[first..].to_vec(),
             blocks: Vec::new(),
         };
@@ -98,7 +98,7 @@ impl Belief {
 
 impl Problem {
     /// What is believed of a model's numbers.
-    pub fn belief(&self, terms: &[usize]) -> Belief {
+    pub fn number_prior(&self, terms: &[usize]) -> NumberPrior {
         let places = self.body.places(terms);
         let tables = terms.iter().zip(places);
         let blocks = tables.filter_map(|(t, first)| {
@@ -111,7 +111,7 @@ impl Problem {
                 centred: matches!(self.body.candidates[*t].kind, Kind::Trend { .. }),
             })
         });
-        Belief {
+        NumberPrior {
             densities: self.body.densities(terms),
             blocks: blocks.collect(),
         }

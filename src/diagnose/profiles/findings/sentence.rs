@@ -46,7 +46,7 @@ impl Findings {
                     .join(" | ")
             ),
             Word::Unknown if self.unnamed_light.is_some() => format!(
-                "Light that no effect of the vocabulary makes: {}{}.",
+                "Light that no effect of the library makes: {}{}.",
                 self.unnamed_light.as_deref().unwrap_or_default(),
                 if self.effects.is_empty() {
                     String::new()

@@ -20,7 +20,7 @@ const INEXACT: f64 = 0.5;
 const ACTS: f64 = 0.5;
 
 /// Of a model's members those that matter as a verdict names them; `unsure` = share by which a member's weight may be
-/// larger. A force without a name stands for its DOF whatever it
+/// larger. A force of no known effect stands for its DOF whatever it
 /// runs along, and how a law varies is no effect of its own.
 pub fn mattering(
     candidates: &[Candidate],
@@ -64,20 +64,20 @@ impl Judged<'_> {
 
     /// Whether an effect's law is the library's: the word, the probability that it is, and what it varies with.
     pub fn law(&self, term: usize) -> (Law, f64, Option<String>) {
-        let (mut with, mut bent) = (0.0, 0.0);
+        let (mut with, mut inexact) = (0.0, 0.0);
         let mut trends: Vec<(usize, f64)> = Vec::new();
         for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
             with += p;
             let of = |t: &&usize| self.candidate(**t).kind == Kind::Trend { of: term };
             if let Some(t) = terms.iter().find(of) {
-                bent += p;
+                inexact += p;
                 match trends.iter_mut().find(|x| x.0 == *t) {
                     Some(known) => known.1 += p,
                     None => trends.push((*t, *p)),
                 }
             }
         }
-        let exact = 1.0 - bent / f64::max(with, 1e-300);
+        let exact = 1.0 - inexact / f64::max(with, 1e-300);
         if 1.0 - exact < INEXACT {
             return (Law::Exact, exact, None);
         }
@@ -130,7 +130,7 @@ impl Judged<'_> {
         random.max(table.sum())
     }
 
-    /// Forces without a name that matter.
+    /// Unnamed forces that matter.
     pub fn unnamed(&self) -> Vec<Unexplained> {
         let dofs = self.found.problem.body.dofs.iter();
         let said = dofs.filter(|d| self.unnamed_in(**d) >= UNNAMED);
@@ -146,7 +146,7 @@ impl Judged<'_> {
         (p / (1.0 - p).max(1e-300)).ln()
     }
 
-    /// Probability that a force without a name acts in a DOF; along a covariate, or any.
+    /// Probability that a force of no known effect acts in a DOF; along a covariate, or any.
     pub fn force_in(&self, dof: usize, along: Option<&str>) -> f64 {
         let is = |t: &usize| {
             let c = self.candidate(*t);
@@ -156,7 +156,7 @@ impl Judged<'_> {
         models.filter(|m| m.0.iter().any(is)).map(|m| m.1).sum()
     }
 
-    /// Probability of a term, for whoever writes it down: of a force without a name that of its covariate, be it as a table
+    /// Probability of a term, for whoever writes it down: of a force of no known effect that of its covariate, be it as a table
     /// or in closed form.
     pub fn stands(&self, term: usize) -> f64 {
         let c = self.candidate(term);
@@ -212,7 +212,7 @@ impl Judged<'_> {
             range: [knots[first], knots[last]],
             force,
             term: format!(
-                "a force without a name in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
+                "a force of no known effect in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
                 Dof::ALL[dof].name(),
                 probability / all,
                 force,
@@ -221,7 +221,7 @@ impl Judged<'_> {
                 knots[last],
                 closed_form
                     .as_ref()
-                    .map_or(String::new(), |f| format!("; {}", f.told)),
+                    .map_or(String::new(), |f| format!("; {}", f.sentence)),
             ),
             closed_form,
             knots,

@@ -22,11 +22,11 @@ const SHARE_LEAST: f64 = 0.02;
 /// Largest multiple of the typical size that a response is stretched to where the law is not linear in it.
 const STRETCH: f64 = 4.0;
 
-/// Share of a response that must lie outside of what a model can do already for it to be told at all.
+/// Share of a response that must lie outside of what a model can do already for it to be identifiable at all.
 const SEEN: f64 = 1e-6;
 
-/// Gain in log likelihood that an effect of typical size must promise for a recording to show it.
-const TOLD: f64 = 3.0;
+/// Gain in log likelihood that an effect of typical size must have predicted for a recording to show it.
+const DETECTABLE_NAT: f64 = 3.0;
 
 /// Share of the typical size at which a linear law's response is as good as its derivative.
 const SMALL: f64 = 0.01;
@@ -38,12 +38,12 @@ type Motion = Vec<Vec<[f64; 12]>>;
 
 /// A candidate beside a model.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Promise {
+pub struct PredictedGain {
     /// Candidate.
     pub candidate: usize,
     /// Natural numbers to begin from.
     pub numbers: Vec<f64>,
-    /// Gain in log likelihood that the linear view promises.
+    /// Gain in log likelihood that the linear view gains.
     pub gain: f64,
     /// For an exchange: the member that goes.
     pub instead: Option<usize>,
@@ -141,10 +141,10 @@ impl Problem {
         let n = fit.point.len();
         let mut information = DMatrix::zeros(n, n);
         let mut gradient = DVector::zeros(n);
-        let belief = self.belief(&fit.terms);
-        belief.add_tables(&fit.point, &fit.cells, &mut information, &mut gradient);
+        let number_prior = self.number_prior(&fit.terms);
+        number_prior.add_tables(&fit.point, &fit.cells, &mut information, &mut gradient);
         if known {
-            belief.add_from(0, &fit.point, &mut information, &mut gradient);
+            number_prior.add_from(0, &fit.point, &mut information, &mut gradient);
         }
         let (mut columns, mut residuals, mut by_dof) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
@@ -187,7 +187,7 @@ impl Problem {
                 let keep = (0..n)
                     .filter(|i| !(places[m]..places[m + 1]).contains(i))
                     .collect();
-                // What varies with a member goes with it: no exchange is foretold for those.
+                // What varies with a member goes with it: no exchange is predicted for those.
                 if self.dependants(&fit.terms, m).next().is_some() {
                     return None;
                 }
@@ -225,7 +225,7 @@ impl Problem {
     }
 
     /// What may be added to a model or put in a member's place, best first of each candidate's points.
-    pub fn promises(&self, fit: &Fit) -> Vec<Promise> {
+    pub fn predicted_gains(&self, fit: &Fit) -> Vec<PredictedGain> {
         let here = self.predicted(&fit.terms, &fit.point);
         // What each member does now.
         let members: Vec<Option<Motion>> = (0..fit.terms.len())
@@ -246,7 +246,7 @@ impl Problem {
             .filter(|c| !fit.terms.contains(c) && self.body.candidates[*c].kind == Kind::Effect)
             .flat_map(|c| (0..self.body.candidates[c].starts.len()).map(move |s| (c, s)))
             .collect();
-        let found: Vec<Vec<Promise>> = asked
+        let found: Vec<Vec<PredictedGain>> = asked
             .into_par_iter()
             .map(|(c, s)| {
                 let candidate = &self.body.candidates[c];
@@ -277,7 +277,7 @@ impl Problem {
                             along -= cross - solved.dot(&left.part(&q.with_columns));
                         }
                         let share = self.share(c, start, along / size);
-                        made.push(Promise {
+                        made.push(PredictedGain {
                             candidate: c,
                             numbers: candidate.at_share(start, candidate.stretched(), share),
                             gain: share * along - 0.5 * share * share * size,
@@ -295,19 +295,19 @@ impl Problem {
             })
             .collect();
         // Of each candidate and place the best point.
-        let mut best: BTreeMap<(usize, Option<usize>), Promise> = BTreeMap::new();
+        let mut best: BTreeMap<(usize, Option<usize>), PredictedGain> = BTreeMap::new();
         for p in found.into_iter().flatten() {
             let key = (p.candidate, p.instead);
             if best.get(&key).is_none_or(|b| b.gain < p.gain) {
                 best.insert(key, p);
             }
         }
-        let mut all: Vec<Promise> = best.into_values().collect();
+        let mut all: Vec<PredictedGain> = best.into_values().collect();
         all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         all
     }
 
-    /// Candidates whose response at their typical size says less than [`TOLD`] beside a model, whatever is known of the
+    /// Candidates whose response at their typical size says less than [`DETECTABLE_NAT`] beside a model, whatever is known of the
     /// vehicle's own numbers beforehand. Where a law is linear its response is taken small and scaled: what a coefficient does
     /// as well is seen to be that, however large.
     pub fn unseen(&self, fit: &Fit) -> Vec<usize> {
@@ -341,7 +341,7 @@ impl Problem {
                 };
                 let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
                 let (part, solved) = view.whole.solve(&p.with_columns);
-                0.5 * (own - part.dot(&solved)) < TOLD * share * share
+                0.5 * (own - part.dot(&solved)) < DETECTABLE_NAT * share * share
             })
             .collect()
     }

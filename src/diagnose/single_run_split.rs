@@ -1,7 +1,7 @@
 //! One recording by itself: the stretches it is made of.
 //!
-//! What is fitted to all of a recording has nothing left to foretell. So it is cut into four stretches, each a run of its
-//! own, and each is foretold by the others.
+//! What is fitted to all of a recording has nothing left to predict. So it is cut into four stretches, each a run of its
+//! own, and each is predicted by the others.
 
 use hydroline_rigs::{Dof, Rig};
 
@@ -14,7 +14,7 @@ const STRETCHES: usize = 4;
 const SHORTEST_S: f64 = 5.0;
 /// See [`SHORTEST_S`].
 const FEWEST: usize = 100;
-/// Swing of a decay over the tolerance below which it is not looked for where it was let go.
+/// Swing of a decay over the tolerance below which it is not looked for where it was released.
 const SWINGS: f64 = 5.0;
 
 /// A run without any load.
@@ -54,11 +54,11 @@ pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
     parts.iter().all(filled).then_some(parts)
 }
 
-/// When a log without any load was let go \[s since its start\], and in which channel: a hull is pressed down and swings
+/// When a log without any load was released \[s since its start\], and in which channel: a hull is pressed down and swings
 /// freely from then on. `None` = it is free from its first stamp.
 ///
 /// The largest excursion may still be held; the next turn on the other side of rest is free for certain.
-pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
+pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
     if !is_decay(run) {
         return None;
     }
@@ -92,7 +92,7 @@ pub(super) fn let_go(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
             .iter()
             .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
         // A log that begins within the swing is free from its start. And it swings on: a hull that only came to rest at
-        // another place was not let go.
+        // another place was not released.
         let swing_s = turn.0 - at_s;
         (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
             .then(|| (turn.0, CHANNELS[channel]))
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use hydroline_identify::data::{Command, Sample};
 
-    /// At rest, pressed to one side, held for a second, let go at 8 s.
+    /// At rest, pressed to one side, held for a second, released at 8 s.
     fn decay() -> Run {
         let samples = (0..2000).map(|k| {
             let t_s = 0.02 * f64::from(k);
@@ -131,10 +131,10 @@ mod tests {
     }
 
     #[test]
-    fn a_decay_begins_at_the_turn_after_the_hull_was_let_go() {
+    fn a_decay_begins_at_the_turn_after_the_hull_was_released() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let (at_s, channel) = let_go(&decay(), &rig).unwrap();
-        // Half a period after it was let go, pi / 2.2 s.
+        let (at_s, channel) = release_instant(&decay(), &rig).unwrap();
+        // Half a period after it was released, pi / 2.2 s.
         assert!((at_s - 9.42).abs() < 0.06, "{at_s}");
         assert_eq!(channel, "phi_rad");
     }
@@ -142,16 +142,16 @@ mod tests {
     #[test]
     fn a_decay_from_its_first_stamp_and_a_driven_run_stay_whole() {
         let rig = Rig::builtin("lshpi").unwrap();
-        assert_eq!(let_go(&decay().window(9.42, 40.0), &rig), None);
+        assert_eq!(release_instant(&decay().window(9.42, 40.0), &rig), None);
         let mut driven = decay();
         driven.commands.push(Command {
             t_s: 5.0,
             wrench: [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
         });
-        assert_eq!(let_go(&driven, &rig), None);
+        assert_eq!(release_instant(&driven, &rig), None);
         let mut heeled = decay();
         heeled.samples.retain(|s| s.t_s < 8.0);
-        assert_eq!(let_go(&heeled, &rig), None, "nobody let it go");
+        assert_eq!(release_instant(&heeled, &rig), None, "nobody released it");
     }
 
     #[test]

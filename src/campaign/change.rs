@@ -1,0 +1,524 @@
+//! Which single change of the rig explains a day after the days before it.
+//!
+//! The days before give coefficients θ with covariance C. Under a cause with one number s (a mass that was added, a factor on
+//! damping, on all thrusts, on one thruster) the day's own coefficients θ_d, fitted with the loads as that cause has them, are
+//! T(θ, s) within C + C_d. So the day's log likelihood is, but for a constant,
+//!
+//! ```text
+//! -J(s) / 2,   J(s) = χ²_d(s) + Δᵀ (C + C_d)⁻¹ Δ,   Δ = θ_d(s) - T(θ, s)
+//! ```
+//!
+//! with χ²_d what the day's own fit leaves, in units of the noise and misfit that the days before have shown (so a model that
+//! never fitted well makes no change). Evidence by Laplace's method over s (Gelman et al. 2013, ch. 13); beside the causes stand
+//! "nothing changed" (s fixed) and "something else" (θ_d free, with a broad prior).
+
+use crate::sheet::{Cause, Change, Coefficients};
+use hydroline_identify::data::Run;
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::parameter::{Coefficient, Term};
+use hydroline_identify::{Identification, IdentifyError, ModelChoice, Options, identify};
+use hydroline_rigs::{Dof, Rig};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Prior probability that a day is as the days before.
+const SAME: f64 = 0.5;
+/// Prior probability of a change that is none of the causes, given that there is one.
+const ELSE: f64 = 0.1;
+/// Prior sd of an added mass, as a share of the vehicle's.
+const MASS_SHARE: f64 = 0.2;
+/// Prior sd of the logarithm of a factor on damping or on all thrusts.
+const LN_FACTOR: f64 = 0.3;
+/// Prior sd of a coefficient that changed for another reason, as a share of itself.
+const ELSE_SHARE: f64 = 0.3;
+/// One thruster gives between nothing and a little more than all of its thrust, any share alike.
+const THRUSTER: [f64; 2] = [0.0, 1.2];
+/// Places at which a thruster's share is tried before the best is refined.
+const TRIED: usize = 5;
+/// Width of a thruster's share at which the refinement ends.
+const FINE: f64 = 0.01;
+/// From this probability on a cause is named alone.
+const ESTABLISHED: f64 = 0.95;
+
+/// The day's own fit under one cause.
+struct DayFit {
+    coefficients: Coefficients,
+    /// See [`crate::change`].
+    chi2: f64,
+    /// Independent samples.
+    samples: f64,
+}
+
+/// Noise and misfit that the days before have shown: sd per channel, and the time over which they hang together.
+struct Shown {
+    sd: BTreeMap<String, f64>,
+    correlation_s: f64,
+}
+
+fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, IdentifyError> {
+    identify(
+        runs,
+        rig,
+        &Options {
+            model: ModelChoice::Coupled,
+            method: &LevenbergMarquardt { starts: 1 },
+            cross_validate: false,
+            ..Options::default()
+        },
+    )
+}
+
+/// What changed from the days before to a day.
+///
+/// `load` gives the runs of the days before (`false`) or of the day (`true`) as a rig has their loads.
+///
+/// # Errors
+/// Words: a fit that is not possible.
+pub fn change(
+    rig: &Rig,
+    date: &str,
+    since: &[String],
+    load: &dyn Fn(&Rig, bool) -> Result<Vec<Run>, String>,
+) -> Result<Change, String> {
+    let words = |e: IdentifyError| e.to_string();
+    let before = fit(&load(rig, false)?, rig).map_err(words)?;
+    let shown = shown(&before);
+    let reference = Coefficients::of(&before);
+    let mut start = rig.clone();
+    for (key, number) in &reference.numbers {
+        if let Some(c) = Coefficient::find(key) {
+            c.put(&mut start.vehicle, number.value);
+        }
+    }
+    let day = |rig: &Rig| -> Result<DayFit, String> {
+        let runs = load(rig, true)?;
+        let found = fit(&runs, rig).map_err(words)?;
+        let (chi2, samples) = chi2(&found, &runs, &shown);
+        Ok(DayFit {
+            coefficients: Coefficients::of(&found),
+            chi2,
+            samples,
+        })
+    };
+    let as_is = day(&start)?;
+    let compared = Compared::of(&reference, &as_is.coefficients)
+        .ok_or("no coefficient is determined on both sides")?;
+    let unchanged = as_is.chi2 + compared.distance(&|_, v| v, rig);
+    let mut hypotheses = vec![
+        Hypothesis::fixed("", SAME.ln(), -0.5 * unchanged),
+        compared.anything((1.0 - SAME).ln() + ELSE.ln(), as_is.chi2),
+    ];
+    let each = ((1.0 - SAME) * (1.0 - ELSE)).ln();
+    let thrusters = rig.thrusters.thrusters.len();
+    let kinds = 3.0 + f64::from(u8::from(thrusters > 1));
+    let m = rig.vehicle.mass_kg;
+    let scaled =
+        |ln: f64, what: fn(Coefficient, f64, f64, &Rig) -> f64, name: &str, unit: &str, sd: f64| {
+            let objective = |s: f64| {
+                as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
+            };
+            Hypothesis::laplace(
+                name,
+                unit,
+                ln - sd.ln() - 0.5 * TAU.ln(),
+                &objective,
+                4.0 * sd,
+            )
+        };
+    let per_kind = each - kinds.ln();
+    hypotheses.push(scaled(per_kind, with_mass, "mass", "kg", MASS_SHARE * m));
+    hypotheses.push(scaled(per_kind, with_drag, "drag", "", LN_FACTOR).factor());
+    hypotheses.push(scaled(per_kind, with_thrust, "thrust", "", LN_FACTOR).factor());
+    if thrusters > 1 {
+        let ln = per_kind - (thrusters as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
+        for k in 0..thrusters {
+            let objective = |share: f64| -> f64 {
+                let mut with = start.clone();
+                for part in &mut with.thrusters.thrusters[k].direction {
+                    *part *= share;
+                }
+                let Ok(fit) = day(&with) else {
+                    return f64::INFINITY;
+                };
+                match Compared::of(&reference, &fit.coefficients) {
+                    Some(c) => fit.chi2 + c.distance(&|_, v| v, rig),
+                    None => f64::INFINITY,
+                }
+            };
+            let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
+            hypotheses.push(Hypothesis::searched(&name, ln, &objective));
+        }
+    }
+    Ok(conclude(date, since, &hypotheses, as_is.samples))
+}
+
+/// Apparent coefficient where a mass s \[kg\] was added that the rig does not know: in translation the added mass hides it.
+fn with_mass(c: Coefficient, value: f64, s: f64, _rig: &Rig) -> f64 {
+    match c.term {
+        Term::Added if c.dof.index() < 3 => value - s,
+        _ => value,
+    }
+}
+
+/// Where all damping is e^s times.
+fn with_drag(c: Coefficient, value: f64, s: f64, _rig: &Rig) -> f64 {
+    match c.term {
+        Term::Added => value,
+        Term::Linear | Term::Quadratic => value * s.exp(),
+    }
+}
+
+/// Where all thrust is e^s times: inertia and damping look smaller by as much.
+fn with_thrust(c: Coefficient, value: f64, s: f64, rig: &Rig) -> f64 {
+    let gain = s.exp();
+    match c.term {
+        Term::Added => {
+            let rigid = match c.dof.index() {
+                0..3 => rig.vehicle.mass_kg,
+                i => rig.vehicle.inertia_kgm2[i - 3],
+            };
+            rigid - (rigid - value) / gain
+        }
+        Term::Linear | Term::Quadratic => value / gain,
+    }
+}
+
+fn shown(found: &Identification) -> Shown {
+    let mut sum: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+    for run in &found.runs {
+        for (channel, rms) in &run.rms {
+            let entry = sum.entry(channel.clone()).or_default();
+            entry.0 += run.samples as f64 * rms * rms;
+            entry.1 += run.samples as f64;
+        }
+    }
+    let correlation_s = found
+        .noise
+        .values()
+        .map(|n| {
+            let all = n.noise.white_sd.powi(2) + n.noise.coloured_sd.powi(2);
+            match all > 0.0 {
+                true => n.noise.correlation_s * n.noise.coloured_sd.powi(2) / all,
+                false => 0.0,
+            }
+        })
+        .fold(0.0, f64::max);
+    Shown {
+        sd: sum
+            .into_iter()
+            .map(|(channel, (square, n))| (channel, (square / n).sqrt()))
+            .collect(),
+        correlation_s,
+    }
+}
+
+/// Chi-square of a day's fit, and how many independent samples it is of: an autocorrelation of time τ leaves one in
+/// 1 + 2τ/Δt (Priestley 1981, 5.3).
+fn chi2(found: &Identification, runs: &[Run], shown: &Shown) -> (f64, f64) {
+    let (mut chi2, mut samples) = (0.0, 0.0);
+    for run in &found.runs {
+        let interval_s = runs
+            .iter()
+            .find(|r| r.name == run.name)
+            .and_then(Run::interval_s)
+            .unwrap_or(1.0);
+        let n = run.samples as f64 / (1.0 + 2.0 * shown.correlation_s / interval_s);
+        for (channel, rms) in &run.rms {
+            if let Some(sd) = shown.sd.get(channel).filter(|sd| **sd > 0.0) {
+                chi2 += n * (rms / sd).powi(2);
+                samples += n;
+            }
+        }
+    }
+    (chi2, samples)
+}
+
+/// Coefficients that are determined on both sides, with the sum of their covariances.
+struct Compared {
+    keys: Vec<Coefficient>,
+    before: Vec<f64>,
+    day: Vec<f64>,
+    /// Inverse of the sum, and the logarithm of its determinant, by Cholesky.
+    covariance: nalgebra::DMatrix<f64>,
+}
+
+impl Compared {
+    fn of(before: &Coefficients, day: &Coefficients) -> Option<Self> {
+        // Where ballast lies turns inertia and trim by what nobody noted: rotation's added inertia is not compared.
+        let kept: Vec<(usize, usize, Coefficient)> = before
+            .order
+            .iter()
+            .enumerate()
+            .filter_map(|(i, key)| {
+                let j = day.order.iter().position(|k| k == key)?;
+                let c = Coefficient::find(key)?;
+                let rotation = c.dof.index() >= Dof::Roll.index();
+                (!rotation || c.term != Term::Added).then_some((i, j, c))
+            })
+            .collect();
+        if kept.is_empty() {
+            return None;
+        }
+        let n = kept.len();
+        let covariance = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+            before.covariance[kept[a].0][kept[b].0] + day.covariance[kept[a].1][kept[b].1]
+        });
+        let value = |of: &Coefficients, key: &str| of.numbers.get(key).map(|n| n.value);
+        Some(Self {
+            before: kept
+                .iter()
+                .filter_map(|(i, ..)| value(before, &before.order[*i]))
+                .collect(),
+            day: kept
+                .iter()
+                .filter_map(|(_, j, _)| value(day, &day.order[*j]))
+                .collect(),
+            keys: kept.into_iter().map(|(.., c)| c).collect(),
+            covariance,
+        })
+    }
+
+    /// Δᵀ (C + C_d)⁻¹ Δ under a transformation of the coefficients before.
+    fn distance(&self, of: &dyn Fn(Coefficient, f64) -> f64, _rig: &Rig) -> f64 {
+        let each = self.keys.iter().zip(&self.before).zip(&self.day);
+        let off: Vec<f64> = each.map(|((c, b), d)| d - of(*c, *b)).collect();
+        let off = nalgebra::DVector::from_vec(off);
+        match self.covariance.clone().cholesky() {
+            Some(root) => off.dot(&root.solve(&off)),
+            None => f64::INFINITY,
+        }
+    }
+
+    /// Any change of any coefficient: Δ ~ N(0, C + C_d + P), against the density that the day's own fit has at Δ = 0.
+    fn anything(&self, ln_prior: f64, chi2: f64) -> Hypothesis {
+        let n = self.keys.len();
+        let wide = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+            let own = if a == b {
+                (ELSE_SHARE * self.before[a]).powi(2)
+            } else {
+                0.0
+            };
+            self.covariance[(a, b)] + own
+        });
+        let off = nalgebra::DVector::from_fn(n, |k, _| self.day[k] - self.before[k]);
+        let ln = match (wide.cholesky(), self.covariance.clone().cholesky()) {
+            (Some(wide), Some(narrow)) => {
+                let ln_det = |l: &nalgebra::Cholesky<f64, nalgebra::Dyn>| {
+                    2.0 * l.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>()
+                };
+                // Against the narrow one, which all other hypotheses are measured by.
+                -0.5 * (chi2 + off.dot(&wide.solve(&off)) + ln_det(&wide) - ln_det(&narrow))
+            }
+            _ => f64::NEG_INFINITY,
+        };
+        Hypothesis::fixed("something else", ln_prior, ln)
+    }
+}
+
+/// A hypothesis with its log probability, not normalised.
+struct Hypothesis {
+    what: String,
+    unit: String,
+    value: f64,
+    sd: f64,
+    ln: f64,
+    /// -J/2 at its best.
+    best: f64,
+}
+
+impl Hypothesis {
+    fn fixed(what: &str, ln_prior: f64, ln_likelihood: f64) -> Self {
+        Self {
+            what: what.to_owned(),
+            unit: String::new(),
+            value: f64::NAN,
+            sd: f64::NAN,
+            ln: ln_prior + ln_likelihood,
+            best: ln_likelihood,
+        }
+    }
+
+    /// Laplace's method about the least of an objective J within ± `range`.
+    fn laplace(
+        what: &str,
+        unit: &str,
+        ln_prior: f64,
+        objective: &dyn Fn(f64) -> f64,
+        range: f64,
+    ) -> Self {
+        let (value, least) = golden(objective, [-range, range], 1e-4 * range);
+        Self::at(what, unit, ln_prior, objective, value, least, 1e-3 * range)
+    }
+
+    fn at(
+        what: &str,
+        unit: &str,
+        ln_prior: f64,
+        objective: &dyn Fn(f64) -> f64,
+        value: f64,
+        least: f64,
+        step: f64,
+    ) -> Self {
+        // J about its least: (s - s0)² / sd².
+        let around = 0.5 * (objective(value - step) + objective(value + step)) - least;
+        let sd = step / around.max(1e-12).sqrt();
+        Self {
+            what: what.to_owned(),
+            unit: unit.to_owned(),
+            value,
+            sd,
+            ln: ln_prior - 0.5 * least + (sd * TAU.sqrt()).ln(),
+            best: -0.5 * least,
+        }
+    }
+
+    /// The same where each value costs a fit: a few places, then the best one refined.
+    fn searched(what: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64) -> Self {
+        let at =
+            |k: usize| THRUSTER[0] + (THRUSTER[1] - THRUSTER[0]) * k as f64 / (TRIED - 1) as f64;
+        let tried: Vec<f64> = (0..TRIED).map(|k| objective(at(k))).collect();
+        let best = (0..TRIED)
+            .min_by(|a, b| tried[*a].total_cmp(&tried[*b]))
+            .unwrap_or(0);
+        let range = [at(best.saturating_sub(1)), at((best + 1).min(TRIED - 1))];
+        let (value, least) = golden(objective, range, FINE);
+        let mut found = Self::at(what, "", ln_prior, objective, value, least, 2.0 * FINE);
+        // Wider than the prior it cannot be.
+        let most = THRUSTER[1] - THRUSTER[0];
+        if found.sd > most {
+            found.ln += (most / found.sd).ln();
+            found.sd = most;
+        }
+        found
+    }
+
+    /// A logarithm as the factor that it is of.
+    fn factor(mut self) -> Self {
+        self.value = self.value.exp();
+        self.sd *= self.value;
+        self
+    }
+}
+
+/// Golden section search (Kiefer 1953).
+fn golden(objective: &dyn Fn(f64) -> f64, [mut low, mut high]: [f64; 2], fine: f64) -> (f64, f64) {
+    let share = 0.5 * (5f64.sqrt() - 1.0);
+    let mut inner = [high - share * (high - low), low + share * (high - low)];
+    let mut value = [objective(inner[0]), objective(inner[1])];
+    while high - low > fine {
+        if value[0] < value[1] {
+            high = inner[1];
+            inner = [high - share * (high - low), inner[0]];
+            value = [objective(inner[0]), value[0]];
+        } else {
+            low = inner[0];
+            inner = [inner[1], low + share * (high - low)];
+            value = [value[1], objective(inner[1])];
+        }
+    }
+    match value[0] < value[1] {
+        true => (inner[0], value[0]),
+        false => (inner[1], value[1]),
+    }
+}
+
+fn conclude(date: &str, since: &[String], all: &[Hypothesis], samples: f64) -> Change {
+    let most = all.iter().map(|h| h.ln).fold(f64::NEG_INFINITY, f64::max);
+    let sum: f64 = all.iter().map(|h| (h.ln - most).exp()).sum();
+    let probability = |h: &Hypothesis| (h.ln - most).exp() / sum;
+    let same_probability = probability(&all[0]);
+    let mut causes: Vec<Cause> = all[1..]
+        .iter()
+        .map(|h| Cause {
+            what: h.what.clone(),
+            value: h.value,
+            sd: h.sd,
+            unit: h.unit.clone(),
+            probability: probability(h),
+        })
+        .collect();
+    causes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let best = all.iter().map(|h| h.best).fold(f64::NEG_INFINITY, f64::max);
+    let per = |ln: f64| -2.0 * ln / samples.max(1.0);
+    let sentence = sentence(date, since, same_probability, &causes);
+    Change {
+        date: date.to_owned(),
+        since: since.to_vec(),
+        same_probability,
+        causes,
+        chi2_per_dof: [per(all[0].best), per(best)],
+        sentence,
+    }
+}
+
+fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String {
+    let days = match since {
+        [one] => one.clone(),
+        [first, .., last] => format!("{first} to {last}"),
+        [] => String::new(),
+    };
+    if same >= ESTABLISHED {
+        return format!("{date}: as {days} (probability {same:.3})");
+    }
+    let said = |c: &Cause| -> String {
+        match c.what.as_str() {
+            "mass" => format!("{:+.2} ± {:.2} kg of mass", c.value, c.sd),
+            "drag" => format!("damping {:.3} ± {:.3} times", c.value, c.sd),
+            "thrust" => format!("all thrust {:.3} ± {:.3} times", c.value, c.sd),
+            "something else" => {
+                "a change that is none of mass, damping, thrust or one thruster".to_owned()
+            }
+            thruster => format!(
+                "{thruster} gives {:.3} ± {:.3} of its thrust",
+                c.value, c.sd
+            ),
+        }
+    };
+    match causes {
+        [first, ..] if first.probability >= ESTABLISHED => format!(
+            "{date}: {} against {days} (probability {:.3})",
+            said(first),
+            first.probability
+        ),
+        _ => {
+            let listed: Vec<String> = causes
+                .iter()
+                .filter(|c| c.probability > 1.0 - ESTABLISHED)
+                .map(|c| format!("{} ({:.2})", said(c), c.probability))
+                .collect();
+            format!(
+                "{date}: against {days} undecided: nothing changed ({same:.2}); {}",
+                listed.join("; ")
+            )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_of_a_parabola_has_its_sd() {
+        let found = Hypothesis::laplace(
+            "mass",
+            "kg",
+            0.0,
+            &|s| ((s - 0.3) / 0.05).powi(2) + 7.0,
+            4.0,
+        );
+        assert!((found.value - 0.3).abs() < 1e-3 && (found.sd - 0.05).abs() < 1e-3);
+        assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
+    }
+
+    #[test]
+    fn thrust_scales_inertia_and_damping_alike() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let [added, linear, _] = Coefficient::of(Dof::Surge);
+        let m = rig.vehicle.mass_kg;
+        let s = 0.8f64.ln();
+        let apparent = m - with_thrust(added, -30.0, s, &rig);
+        assert!((apparent - (m + 30.0) / 0.8).abs() < 1e-9);
+        assert!((with_thrust(linear, -20.0, s, &rig) + 25.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,258 @@
+//! What a unit of work finds: what is kept, and what the table and the page are made of.
+
+use hydroline_diagnose::verdict::{Verdict, Word};
+use hydroline_identify::Identification;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A coefficient.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Number {
+    /// Estimate, SI.
+    pub value: f64,
+    /// Standard deviation; absent = these runs do not determine it.
+    pub sd: Option<f64>,
+    /// 95 % interval.
+    pub low: Option<f64>,
+    /// Its upper end.
+    pub high: Option<f64>,
+    /// What the rig says.
+    pub rig: f64,
+}
+
+/// Coefficients with their covariance.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Coefficients {
+    /// Equations: a DOF, `eq1` or `decoupled`.
+    pub model: String,
+    /// By key.
+    pub numbers: BTreeMap<String, Number>,
+    /// Order of the covariance: the coefficients that are determined.
+    pub order: Vec<String>,
+    /// Covariance, SI.
+    pub covariance: Vec<Vec<f64>>,
+    /// Residual variance over the noise: 1 = the noise explains the residuals.
+    pub variance_ratio: f64,
+    /// Residuals that the noise does not explain, in words.
+    pub misfit: Vec<String>,
+    /// Noise sd by channel, SI.
+    pub noise_sd: BTreeMap<String, f64>,
+    /// rms per run and channel of the fit to all runs, SI.
+    pub rms: BTreeMap<String, BTreeMap<String, f64>>,
+    /// rms per run and channel where the run is predicted by the others, SI.
+    pub held_out_rms: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+impl Coefficients {
+    /// Of an identification; what is not determined has no sd and no row.
+    pub fn of(found: &Identification) -> Self {
+        let numbers = found.parameters.iter().map(|(key, p)| {
+            let number = Number {
+                value: p.value,
+                sd: p.sd.filter(|_| p.excited),
+                low: p.low.filter(|_| p.excited),
+                high: p.high.filter(|_| p.excited),
+                rig: p.rig,
+            };
+            (key.clone(), number)
+        });
+        let numbers: BTreeMap<String, Number> = numbers.collect();
+        let kept: Vec<usize> = (0..found.order.len())
+            .filter(|k| {
+                numbers
+                    .get(&found.order[*k])
+                    .is_some_and(|n| n.sd.is_some())
+                    && found.covariance[*k][*k].is_some()
+            })
+            .collect();
+        let entry = |i: &usize, j: &usize| found.covariance[*i][*j].unwrap_or(0.0);
+        Self {
+            model: found.model.clone(),
+            order: kept.iter().map(|k| found.order[*k].clone()).collect(),
+            covariance: kept
+                .iter()
+                .map(|i| kept.iter().map(|j| entry(i, j)).collect())
+                .collect(),
+            numbers,
+            variance_ratio: found.variance_ratio,
+            misfit: found.misfit.clone(),
+            noise_sd: found
+                .noise
+                .iter()
+                .map(|(slot, n)| (slot.clone(), n.noise.white_sd.hypot(n.noise.coloured_sd)))
+                .collect(),
+            rms: found
+                .runs
+                .iter()
+                .map(|r| (r.name.clone(), r.rms.clone()))
+                .collect(),
+            held_out_rms: found
+                .cross_validation
+                .iter()
+                .map(|c| (c.run.clone(), c.left_out.clone()))
+                .collect(),
+        }
+    }
+}
+
+/// An effect of a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Effect {
+    /// Id.
+    pub effect: String,
+    /// Where it acts; empty = its law has no place.
+    pub dof: String,
+    /// Posterior probability.
+    pub probability: f64,
+    /// Practically significant.
+    pub matters: bool,
+    /// Parameters with sd, SI.
+    pub parameters: BTreeMap<String, (f64, Option<f64>)>,
+}
+
+/// What a diagnosis found, in short; the whole verdict stands in its own file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Diagnosed {
+    /// In a word.
+    pub verdict: Word,
+    /// In a sentence.
+    pub sentence: String,
+    /// Effects, heaviest first.
+    pub effects: Vec<Effect>,
+    /// Predicted rms without and with the effects, and the noise, by channel, SI.
+    pub predicted: BTreeMap<String, [Option<f64>; 3]>,
+    /// Faults of the data, in words.
+    pub faults: Vec<String>,
+    /// Plan to run next; empty = none.
+    pub next_plan: String,
+}
+
+impl Diagnosed {
+    /// The word as tables have it.
+    pub fn word(&self) -> &'static str {
+        match self.verdict {
+            Word::None => "none",
+            Word::Named => "named",
+            Word::Ambiguous => "ambiguous",
+            Word::Unknown => "unknown",
+            Word::DataFault => "data_fault",
+        }
+    }
+
+    /// Of a verdict.
+    pub fn of(v: &Verdict) -> Self {
+        let effects = v.effects.iter().map(|e| Effect {
+            effect: e.effect.clone(),
+            dof: e.dof.clone().unwrap_or_default(),
+            probability: e.probability,
+            matters: e.matters,
+            parameters: e
+                .parameters
+                .iter()
+                .map(|(n, p)| (n.clone(), (p.value, p.sd)))
+                .collect(),
+        });
+        let held = &v.fit.held_out;
+        let predicted = held.before.iter().map(|(channel, before)| {
+            let of = |table: &BTreeMap<String, f64>| table.get(channel).copied();
+            (
+                channel.clone(),
+                [Some(*before), of(&held.after), of(&held.noise)],
+            )
+        });
+        Self {
+            verdict: v.verdict,
+            sentence: v.sentence.clone(),
+            effects: effects.collect(),
+            predicted: predicted.collect(),
+            faults: v
+                .data_faults
+                .iter()
+                .map(|f| format!("{} in {} of {}: {}", f.fault, f.channel, f.run, f.evidence))
+                .collect(),
+            next_plan: v
+                .next_experiment
+                .as_ref()
+                .map_or(String::new(), |n| n.plan.clone()),
+        }
+    }
+}
+
+/// What one run shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunSheet {
+    /// The file is whole and nothing in it is missing.
+    pub sound: bool,
+    /// Findings worse than a note, in words.
+    pub findings: Vec<String>,
+    /// Frames that are not there.
+    pub frames_lost: u64,
+    /// Length \[s\].
+    pub duration_s: f64,
+    /// Samples of motion; 0 = none, and no replay gave any.
+    pub samples: u64,
+    /// The motion stands in the store, made by a replay of the log's images.
+    pub replayed: bool,
+    /// Motion measured: least and greatest per channel, SI.
+    pub range: BTreeMap<String, [f64; 2]>,
+    /// Largest load commanded per DOF \[N, N m\].
+    pub largest_load: BTreeMap<String, f64>,
+    /// Coefficients of this run alone, or why there are none.
+    pub identified: Result<Coefficients, String>,
+    /// Diagnosis of this run alone, or why there is none.
+    pub diagnosed: Result<Diagnosed, String>,
+}
+
+/// What the runs of a day, or all of a group, show together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SetSheet {
+    /// Logs that were fitted, by name.
+    pub runs: Vec<String>,
+    /// Logs that were left, each with its reason.
+    pub left: Vec<String>,
+    /// Coefficients, or why there are none.
+    pub identified: Result<Coefficients, String>,
+    /// Diagnosis, or why there is none.
+    pub diagnosed: Result<Diagnosed, String>,
+    /// Logs that the others predict far worse than each other, with the ratio to the median.
+    pub outliers: Vec<(String, f64)>,
+}
+
+/// One candidate for what changed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Cause {
+    /// `mass`, `drag`, `thrust`, or `thruster NAME`.
+    pub what: String,
+    /// Its number: an added mass \[kg\], or a factor.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// `kg` or empty.
+    pub unit: String,
+    /// Posterior probability among the candidates, nothing changed included.
+    pub probability: f64,
+}
+
+/// What changed from the days before to a day.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Change {
+    /// Date.
+    pub date: String,
+    /// Days that it is compared with: those since the last change.
+    pub since: Vec<String>,
+    /// Probability that nothing changed.
+    pub same_probability: f64,
+    /// What it may be, likeliest first.
+    pub causes: Vec<Cause>,
+    /// Whitened chi-square per degree of freedom of the day: with nothing changed, and with the likeliest cause.
+    pub chi2_per_dof: [f64; 2],
+    /// In a sentence.
+    pub sentence: String,
+}
+
+/// A group's changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChangeSheet {
+    /// Day by day, from the second on; or why it could not be said.
+    pub changes: Vec<Result<Change, String>>,
+}

@@ -1,0 +1,168 @@
+//! What lies in a folder: logs with what they are of, and files that are none, each with the reason.
+
+use crate::store::{Key, Store, StoreError};
+use hydroline_log::{LogReader, MetadataMap};
+use hydroline_rigs::Rig;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// From this salinity on water is sea water and not fresh \[g/kg\]: brackish water of a tank stays below.
+const SALT_FROM_GPKG: f64 = 10.0;
+
+/// A file named like a log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// Path from the campaign's folder.
+    pub name: String,
+    /// Path to open.
+    #[serde(skip)]
+    pub path: PathBuf,
+    /// Hash of its content.
+    pub hash: String,
+    /// What it is of, or why it cannot be used.
+    pub is: Result<Identity, String>,
+}
+
+/// What a log says of itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The rig's name.
+    pub vehicle: String,
+    /// The rig as a file, without what differs from run to run (seed of the simulated camera, start pose).
+    pub rig_toml: String,
+    /// Hash of the calibration in the log; empty = none.
+    pub calibration: String,
+    /// Kind of water or air, as the session says; empty = it does not.
+    pub water: String,
+    /// First message, UNIX \[ns\].
+    pub start_ns: u64,
+    /// Plan's name; empty = none.
+    pub plan: String,
+    /// The person's note; empty = none.
+    pub note: String,
+}
+
+/// All files named `*.mcap` below a folder, sorted by name; hidden ones and the campaign's own are left.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn logs(folder: &Path, own: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    let own = std::path::absolute(own)?;
+    let mut open = vec![folder.to_owned()];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder)? {
+            let path = entry?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with('.') || std::path::absolute(&path)? == own {
+                continue;
+            }
+            if path.is_dir() {
+                open.push(path);
+            } else if name.ends_with(".mcap") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Looks at each file; `rig` stands for logs that carry none.
+///
+/// # Errors
+/// [`StoreError`]: a file's content cannot be read at all.
+pub fn survey(
+    folder: &Path,
+    paths: &[PathBuf],
+    rig: Option<&Rig>,
+    store: &mut Store,
+) -> Result<Vec<Found>, StoreError> {
+    let mut hashed = Vec::with_capacity(paths.len());
+    for path in paths {
+        hashed.push((path, store.hash(path)?));
+    }
+    let store = &*store;
+    hashed
+        .into_par_iter()
+        .map(|(path, hash)| {
+            let name = path.strip_prefix(folder).unwrap_or(path);
+            let mut key = Key::of("identity/1").with(&hash);
+            if let Some(rig) = rig {
+                key = key.with(&rig.to_toml());
+            }
+            let key = key.name();
+            let is = match store.get::<Result<Identity, String>>(&key) {
+                Some(is) => is,
+                None => {
+                    let is = identity(path, rig);
+                    store.put(&key, &is)?;
+                    is
+                }
+            };
+            Ok(Found {
+                name: name.display().to_string(),
+                path: path.clone(),
+                hash,
+                is,
+            })
+        })
+        .collect()
+}
+
+fn identity(path: &Path, given: Option<&Rig>) -> Result<Identity, String> {
+    let mut log = LogReader::open(path).map_err(|e| e.to_string())?;
+    let own = log
+        .rig_toml()
+        .map(|text| Rig::from_toml(text, "the log's rig", None));
+    let rig = match (own, given) {
+        (Some(Ok(rig)), _) => rig,
+        (Some(Err(e)), None) => return Err(e.to_string()),
+        (_, Some(rig)) => rig.clone(),
+        (None, None) => {
+            return Err("no rig in it: give the one it was made with (--rig)".to_owned());
+        }
+    };
+    let first = log
+        .next()
+        .ok_or("no message in it")?
+        .map_err(|e| e.to_string())?;
+    let session = log.metadata().get("session").cloned().unwrap_or_default();
+    let said = |key: &str| session.get(key).cloned().unwrap_or_default();
+    let calibration = log
+        .metadata()
+        .get("calibration")
+        .map_or(String::new(), |map| {
+            let parts = map.iter().flat_map(|(k, v)| [k.as_str(), v.as_str()]);
+            parts.fold(Key::of("calibration"), Key::with).name()
+        });
+    Ok(Identity {
+        vehicle: rig.name.clone(),
+        rig_toml: comparable(rig).to_toml(),
+        calibration,
+        water: water(&session),
+        start_ns: first.log_ns,
+        plan: said("plan.name"),
+        note: said("note"),
+    })
+}
+
+/// The water's kind: its temperature differs from day to day and is no other water.
+fn water(session: &MetadataMap) -> String {
+    if let Some(medium) = session.get("medium") {
+        return medium.clone();
+    }
+    let number = |key: &str| session.get(key).and_then(|v| v.parse::<f64>().ok());
+    match (number("water.salinity_gpkg"), number("water.temperature_c")) {
+        (Some(salinity), _) if salinity >= SALT_FROM_GPKG => "salt".to_owned(),
+        (None, None) => String::new(),
+        _ => "fresh".to_owned(),
+    }
+}
+
+/// The rig without what differs from run to run of one vehicle.
+fn comparable(mut rig: Rig) -> Rig {
+    rig.camera.seed = 0;
+    rig
+}

@@ -1,0 +1,137 @@
+//! Units of work: what there is to do, what each depends on, and the key of its sheet.
+
+use crate::group::Group;
+use crate::store::Key;
+use crate::survey::{Found, Identity};
+
+/// Versions of what a unit finds: a new number where the same build would find something else than before.
+const RUN: &str = "run/1";
+const SET: &str = "set/1";
+const CHANGES: &str = "changes/1";
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Task {
+    /// One log: is it sound, its motion, coefficients and diagnosis by itself.
+    Run {
+        /// Place among the logs.
+        log: usize,
+    },
+    /// A group's logs of one day together.
+    Day {
+        /// Place among the groups.
+        group: usize,
+        /// Place among its days.
+        day: usize,
+    },
+    /// All logs of a group together.
+    Group {
+        /// Place among the groups.
+        group: usize,
+    },
+    /// What changed between a group's days.
+    Changes {
+        /// Place among the groups.
+        group: usize,
+    },
+}
+
+/// A unit of work.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    /// Name, the same on every machine: `run-1f00c0ffee15600d`.
+    pub name: String,
+    /// Key of its sheet.
+    pub key: String,
+    /// What.
+    pub task: Task,
+    /// Units whose sheets it needs, by place in the list.
+    pub needs: Vec<usize>,
+}
+
+/// All units, each behind those that it needs. `build` = the program's version and commit.
+pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
+    let mut units: Vec<Unit> = Vec::new();
+    let mut of_log: Vec<Option<usize>> = vec![None; logs.len()];
+    for (k, log) in logs.iter().enumerate() {
+        let Ok(is) = &log.is else { continue };
+        let key = run_key(log, is, build);
+        // A copy of a log is the same unit.
+        let place = units.iter().position(|u| u.key == key).unwrap_or_else(|| {
+            units.push(Unit {
+                name: format!("run-{key}"),
+                key,
+                task: Task::Run { log: k },
+                needs: Vec::new(),
+            });
+            units.len() - 1
+        });
+        of_log[k] = Some(place);
+    }
+    for (g, group) in groups.iter().enumerate() {
+        let mut all: Vec<usize> = Vec::new();
+        for (d, day) in group.days.iter().enumerate() {
+            let needs = needed(&day.logs, &of_log);
+            all.extend(&needs);
+            if group.days.len() > 1 {
+                let key = joint_key(SET, &units, &needs, build);
+                units.push(Unit {
+                    name: format!("day-{}-{}", group.id, day.date),
+                    key,
+                    task: Task::Day { group: g, day: d },
+                    needs,
+                });
+            }
+        }
+        units.push(Unit {
+            name: format!("group-{}", group.id),
+            key: joint_key(SET, &units, &all, build),
+            task: Task::Group { group: g },
+            needs: all.clone(),
+        });
+        if group.days.len() > 1 {
+            let mut key = Key::of(CHANGES).with(build);
+            for day in &group.days {
+                key = key.with(&day.date);
+                for unit in needed(&day.logs, &of_log) {
+                    key = key.with(&units[unit].key);
+                }
+            }
+            units.push(Unit {
+                name: format!("changes-{}", group.id),
+                key: key.name(),
+                task: Task::Changes { group: g },
+                needs: all,
+            });
+        }
+    }
+    units
+}
+
+/// Units of logs, each once: a copy of a log counts once.
+fn needed(logs: &[usize], of_log: &[Option<usize>]) -> Vec<usize> {
+    let mut needs: Vec<usize> = Vec::new();
+    for unit in logs.iter().filter_map(|k| of_log[*k]) {
+        if !needs.contains(&unit) {
+            needs.push(unit);
+        }
+    }
+    needs
+}
+
+fn run_key(log: &Found, is: &Identity, build: &str) -> String {
+    Key::of(RUN)
+        .with(build)
+        .with(&log.hash)
+        .with(&is.rig_toml)
+        .name()
+}
+
+fn joint_key(kind: &str, units: &[Unit], needs: &[usize], build: &str) -> String {
+    // In any order the same logs are the same work.
+    let mut keys: Vec<&str> = needs.iter().map(|k| units[*k].key.as_str()).collect();
+    keys.sort_unstable();
+    keys.into_iter()
+        .fold(Key::of(kind).with(build), Key::with)
+        .name()
+}

@@ -1,0 +1,371 @@
+//! One unit of work done: from its logs and the sheets that it needs to its own sheet.
+
+use crate::change::change;
+use crate::group::Group;
+use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, RunSheet, SetSheet};
+use crate::store::{Store, StoreError};
+use crate::survey::Found;
+use crate::unit::{Task, Unit};
+use hydroline_diagnose::{diagnose, read};
+use hydroline_identify::data::{CHANNELS, LoadError, Run, load};
+use hydroline_identify::{Options, identify};
+use hydroline_log::doctor::{Grade, doctor};
+use hydroline_rigs::{Dof, Rig};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Runs of one fit at most: beyond, time grows and intervals hardly shrink. Chosen evenly over time, and said.
+const RUNS_MAX: usize = 24;
+/// A run is called an outlier where the others predict it this many times worse than the median run.
+const OUTLIER: f64 = 3.0;
+
+/// Poses of a log's images into a new log.
+pub type Replay<'a> = dyn Fn(&Path, &Path) -> Result<(), String> + Sync + 'a;
+
+/// What all units of a campaign share.
+pub struct Campaign<'a> {
+    /// Logs.
+    pub logs: &'a [Found],
+    /// Groups of them.
+    pub groups: &'a [Group],
+    /// Units of work.
+    pub units: &'a [Unit],
+    /// Sheets.
+    pub store: &'a Store,
+    /// From images to poses.
+    pub replay: &'a Replay<'a>,
+}
+
+impl std::fmt::Debug for Campaign<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Campaign of {} logs", self.logs.len())
+    }
+}
+
+/// Why a unit was not done; what a log lacks is no error but stands in its sheet.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkError {
+    /// The store.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A sheet that must be there first.
+    #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
+    Needs {
+        /// Unit.
+        unit: String,
+        /// What it needs.
+        needs: String,
+    },
+    /// The rig, which was read before.
+    #[error("{0}")]
+    Rig(String),
+}
+
+impl Campaign<'_> {
+    /// Whether a unit's sheet is there.
+    pub fn is_done(&self, unit: &Unit) -> bool {
+        self.store.has(&unit.key)
+    }
+
+    /// Does a unit and keeps its sheet.
+    ///
+    /// # Errors
+    /// [`WorkError`].
+    pub fn work(&self, unit: &Unit) -> Result<(), WorkError> {
+        if let Some(missing) = unit.needs.iter().find(|k| !self.is_done(&self.units[**k])) {
+            return Err(WorkError::Needs {
+                unit: unit.name.clone(),
+                needs: self.units[*missing].name.clone(),
+            });
+        }
+        match unit.task {
+            Task::Run { log } => self.store.put(&unit.key, &self.run(unit, log)?)?,
+            Task::Day { group, .. } | Task::Group { group } => {
+                self.store.put(&unit.key, &self.set(unit, group)?)?;
+            }
+            Task::Changes { group } => self.store.put(&unit.key, &self.changes(group)?)?,
+        }
+        Ok(())
+    }
+
+    fn rig(&self, toml: &str) -> Result<Rig, WorkError> {
+        Rig::from_toml(toml, "the campaign's rig", None).map_err(|e| WorkError::Rig(e.to_string()))
+    }
+
+    fn run(&self, unit: &Unit, log: usize) -> Result<RunSheet, WorkError> {
+        let found = &self.logs[log];
+        let rig = match &found.is {
+            Ok(is) => self.rig(&is.rig_toml)?,
+            Err(why) => return Err(WorkError::Rig(format!("{}: {why}", found.name))),
+        };
+        let mut sheet = RunSheet {
+            sound: false,
+            findings: Vec::new(),
+            frames_lost: 0,
+            duration_s: 0.0,
+            samples: 0,
+            replayed: false,
+            range: BTreeMap::new(),
+            largest_load: BTreeMap::new(),
+            identified: Err(String::new()),
+            diagnosed: Err(String::new()),
+        };
+        match doctor(&found.path) {
+            Ok(diagnosis) => {
+                sheet.sound = diagnosis.complete();
+                sheet.frames_lost = diagnosis.frames_lost;
+                let worse = diagnosis.findings.iter().filter(|f| f.grade > Grade::Note);
+                sheet.findings = worse
+                    .map(|f| {
+                        let grade = match f.grade {
+                            Grade::Error => "error: ",
+                            Grade::Warning | Grade::Note => "",
+                        };
+                        format!("{grade}{}: {}", f.check, f.message)
+                    })
+                    .collect();
+            }
+            Err(e) => sheet.findings.push(format!("error: {e}")),
+        }
+        let mut path = found.path.clone();
+        let run = match load(&path, &rig) {
+            Err(LoadError::NoMotion { frames, .. }) if frames > 0 => {
+                path = self.store.poses_path(&unit.key);
+                match self.poses(&found.path, &path) {
+                    Ok(()) => {
+                        sheet.replayed = true;
+                        load(&path, &rig).map_err(|e| e.to_string())
+                    }
+                    Err(words) => Err(words),
+                }
+            }
+            other => other.map_err(|e| e.to_string()),
+        };
+        match run {
+            Err(words) => {
+                sheet.identified = Err(words.clone());
+                sheet.diagnosed = Err(words);
+            }
+            Ok(run) => {
+                sheet.duration_s = run.end_s();
+                sheet.samples = run.samples.len() as u64;
+                sheet.range = range(&run);
+                sheet.largest_load = Dof::ALL
+                    .iter()
+                    .zip(run.largest_wrench())
+                    .filter(|(_, load)| *load > 0.0)
+                    .map(|(dof, load)| (dof.name().to_owned(), load))
+                    .collect();
+                sheet.identified = identified(&[run], &rig, false);
+                sheet.diagnosed = diagnosed(&[path], &rig);
+            }
+        }
+        Ok(sheet)
+    }
+
+    /// Poses of a log, whole or not at all; those that are there stay.
+    fn poses(&self, log: &Path, out: &Path) -> Result<(), String> {
+        if out.exists() {
+            return Ok(());
+        }
+        let part = out.with_extension(format!("{}.part", std::process::id()));
+        if part.exists() {
+            std::fs::remove_file(&part).map_err(|e| format!("{}: {e}", part.display()))?;
+        }
+        (self.replay)(log, &part)?;
+        std::fs::rename(&part, out).map_err(|e| format!("{}: {e}", out.display()))
+    }
+
+    /// Where a run's motion stands, or why it is not used beside others.
+    fn motion(&self, unit: usize) -> Result<(usize, PathBuf), String> {
+        let unit = &self.units[unit];
+        let Task::Run { log } = unit.task else {
+            return Err(format!("{} is no run", unit.name));
+        };
+        let name = &self.logs[log].name;
+        let Some(sheet) = self.store.get::<RunSheet>(&unit.key) else {
+            return Err(format!("{name}: its sheet is gone"));
+        };
+        if sheet.samples == 0 {
+            let why = sheet.identified.err().unwrap_or_default();
+            return Err(format!("{name}: {why}"));
+        }
+        if let Some(bad) = sheet.findings.iter().find(|f| f.starts_with("error: ")) {
+            return Err(format!("{name}: {bad}"));
+        }
+        Ok((
+            log,
+            match sheet.replayed {
+                true => self.store.poses_path(&unit.key),
+                false => self.logs[log].path.clone(),
+            },
+        ))
+    }
+
+    /// Motion of the runs that can be used, at most [`RUNS_MAX`], and the others with their reasons.
+    fn usable(&self, units: &[usize]) -> (Vec<(usize, PathBuf)>, Vec<String>) {
+        let (mut kept, mut left) = (Vec::new(), Vec::new());
+        for unit in units {
+            match self.motion(*unit) {
+                Ok(run) => kept.push(run),
+                Err(why) => left.push(why),
+            }
+        }
+        let all = kept.len();
+        if all > RUNS_MAX {
+            kept = (0..RUNS_MAX)
+                .map(|k| kept[k * all / RUNS_MAX].clone())
+                .collect();
+            left.push(format!(
+                "{} more: {RUNS_MAX} runs of {all}, evenly over time, are fitted together",
+                all - RUNS_MAX
+            ));
+        }
+        (kept, left)
+    }
+
+    fn set(&self, unit: &Unit, group: usize) -> Result<SetSheet, WorkError> {
+        let rig = self.rig(&self.groups[group].rig_toml)?;
+        let (kept, left) = self.usable(&unit.needs);
+        let runs: Result<Vec<Run>, String> = kept
+            .iter()
+            .map(|(log, path)| {
+                let mut run = load(path, &rig).map_err(|e| e.to_string())?;
+                run.name.clone_from(&self.logs[*log].name);
+                Ok(run)
+            })
+            .collect();
+        let identified = runs.and_then(|runs| identified(&runs, &rig, true));
+        let paths: Vec<PathBuf> = kept.iter().map(|(_, path)| path.clone()).collect();
+        let diagnosed = match paths.is_empty() {
+            true => Err("no run of this set can be used".to_owned()),
+            false => diagnosed(&paths, &rig),
+        };
+        Ok(SetSheet {
+            runs: kept
+                .iter()
+                .map(|(log, _)| self.logs[*log].name.clone())
+                .collect(),
+            left,
+            outliers: identified.as_ref().map_or(Vec::new(), outliers),
+            identified,
+            diagnosed,
+        })
+    }
+
+    fn changes(&self, group: usize) -> Result<ChangeSheet, WorkError> {
+        let of = &self.groups[group];
+        let rig = self.rig(&of.rig_toml)?;
+        let day_runs: Vec<Vec<(usize, PathBuf)>> = of
+            .days
+            .iter()
+            .map(|day| {
+                let units: Vec<usize> = (0..self.units.len())
+                    .filter(|u| matches!(self.units[*u].task, Task::Run { log } if day.logs.contains(&log)))
+                    .collect();
+                self.usable(&units).0
+            })
+            .collect();
+        let mut changes = Vec::new();
+        let mut since: Vec<usize> = Vec::new();
+        for (day, runs) in day_runs.iter().enumerate() {
+            if runs.is_empty() {
+                if day > 0 {
+                    changes.push(Err(format!(
+                        "{}: no run of it can be used",
+                        of.days[day].date
+                    )));
+                }
+                continue;
+            }
+            if since.is_empty() {
+                since.push(day);
+                continue;
+            }
+            let load_all = |rig: &Rig, days: &[usize]| -> Result<Vec<Run>, String> {
+                let mut all = Vec::new();
+                for (log, path) in days.iter().flat_map(|d| &day_runs[*d]) {
+                    let mut run = load(path, rig).map_err(|e| e.to_string())?;
+                    run.name.clone_from(&self.logs[*log].name);
+                    all.push(run);
+                }
+                Ok(all)
+            };
+            let dates: Vec<String> = since.iter().map(|d| of.days[*d].date.clone()).collect();
+            let found = change(&rig, &of.days[day].date, &dates, &|rig, this| {
+                if this {
+                    load_all(rig, &[day])
+                } else {
+                    load_all(rig, &since)
+                }
+            });
+            match &found {
+                Ok(c) if c.same_probability < 0.5 => since = vec![day],
+                _ => since.push(day),
+            }
+            changes.push(found.map_err(|e| format!("{}: {e}", of.days[day].date)));
+        }
+        Ok(ChangeSheet { changes })
+    }
+}
+
+fn identified(runs: &[Run], rig: &Rig, cross_validate: bool) -> Result<Coefficients, String> {
+    let options = Options {
+        cross_validate,
+        ..Options::default()
+    };
+    identify(runs, rig, &options)
+        .map(|found| Coefficients::of(&found))
+        .map_err(|e| e.to_string())
+}
+
+fn diagnosed(paths: &[PathBuf], rig: &Rig) -> Result<Diagnosed, String> {
+    let sources: Result<Vec<_>, _> = paths.iter().map(|p| read(p.as_path(), rig)).collect();
+    let sources = sources.map_err(|e| e.to_string())?;
+    let found = diagnose(&sources, &[], rig, &|_| ()).map_err(|e| e.to_string())?;
+    Ok(Diagnosed::of(&found.verdict))
+}
+
+/// Least and greatest of what was measured.
+fn range(run: &Run) -> BTreeMap<String, [f64; 2]> {
+    let mut found = BTreeMap::new();
+    for (c, name) in CHANNELS.iter().enumerate() {
+        let values = run.samples.iter().map(|s| s.values[c]);
+        let range = values
+            .filter(|v| v.is_finite())
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+                [low.min(v), high.max(v)]
+            });
+        if range[0] <= range[1] {
+            found.insert((*name).to_owned(), range);
+        }
+    }
+    found
+}
+
+/// Runs that the others predict far worse than the median run, by the worst channel.
+fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
+    let mut by_channel: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (channel, rms) in found.held_out_rms.values().flatten() {
+        by_channel.entry(channel).or_default().push(*rms);
+    }
+    let median = |values: &Vec<f64>| {
+        let mut sorted = values.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let medians: BTreeMap<&str, f64> = by_channel.iter().map(|(c, v)| (*c, median(v))).collect();
+    let mut odd: Vec<(String, f64)> = found
+        .held_out_rms
+        .iter()
+        .filter_map(|(run, rms)| {
+            let ratio = rms
+                .iter()
+                .filter_map(|(c, v)| Some(v / medians.get(c.as_str()).filter(|m| **m > 0.0)?))
+                .fold(0.0, f64::max);
+            (ratio > OUTLIER).then(|| (run.clone(), ratio))
+        })
+        .collect();
+    odd.sort_by(|a, b| b.1.total_cmp(&a.1));
+    odd
+}

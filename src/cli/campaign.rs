@@ -1,0 +1,295 @@
+//! `hydroline campaign`: many logs, grouped, examined, fitted and compared; units of work for other machines.
+
+use super::print::{errln, outln};
+use super::{CliError, Outcome, inputs, progress, replay};
+use hydroline_campaign::group::{Group, groups};
+use hydroline_campaign::store::Store;
+use hydroline_campaign::survey::{Found, logs, survey};
+use hydroline_campaign::table::{Row, csv, json_lines, rows};
+use hydroline_campaign::unit::{Task, Unit, units};
+use hydroline_campaign::work::Campaign;
+use hydroline_campaign::{page::page, store::write_whole};
+use hydroline_core::build_info::BuildInfo;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Logs are found below DIR (*.mcap) and grouped by the rig that they carry, their calibration and their water; days are \
+UTC. Each run: doctor, replay where there are images and no motion, identify, diagnose. Each day and each group: the same of \
+all its runs together. Between days: which single change (mass, damping, thrust, one thruster) explains the later one. A log \
+that cannot be used is a row, not the end.
+
+--out holds campaign.html, runs.csv and runs.jsonl, written anew each time, and store/: one sheet per unit of work, named by a \
+hash of logs, rig and build. What is there is not done again; what was broken off goes on.
+
+Other machines: `--list` prints units that can be done now, one per line, and `--only UNIT` does one; stores may be one shared \
+folder, or copied together. Then `--list` again, until it prints nothing.
+
+Examples:
+  hydroline campaign logs --out campaign
+  hydroline campaign logs --out campaign --fail-on unknown,drift
+  hydroline campaign logs --out campaign --list | xargs -n 1 -P 4 hydroline campaign logs --out campaign --only
+
+Exit codes: 0 done; 1 a unit could not be done, or --fail-on found something; 2 bad arguments, no log in DIR; 3 done, but \
+some files cannot be used.")]
+pub struct Args {
+    /// Folder with logs, looked through to its bottom
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Folder of the campaign
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Folder of the sheets [default: OUT/store]
+    #[arg(long, value_name = "DIR")]
+    store: Option<PathBuf>,
+    /// Rig file or built-in name for logs that carry none
+    #[arg(long, value_name = "RIG")]
+    rig: Option<String>,
+    /// Prints the units that can be done now and are not, one per line
+    #[arg(long, conflicts_with = "only")]
+    list: bool,
+    /// Does this unit (repeatable) and nothing else
+    #[arg(long, value_name = "UNIT")]
+    only: Vec<String>,
+    /// Ends with exit code 1 when the campaign holds this (several with commas), for scripts
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    fail_on: Vec<FailOn>,
+    /// Prints one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a script may want to hear of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FailOn {
+    /// A group's verdict is `unknown`
+    Unknown,
+    /// A group's fit leaves more than noise
+    Misfit,
+    /// Something changed between two days
+    Drift,
+}
+
+/// Names of what a campaign writes beside its store.
+const FILES: [&str; 3] = ["campaign.html", "runs.csv", "runs.jsonl"];
+
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
+    let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
+    if !args.dir.is_dir() {
+        return Err(CliError::Config(format!(
+            "{}: no such folder; name the one that the logs lie in",
+            args.dir.display()
+        )));
+    }
+    own_folder(&args.out)?;
+    inputs::folder("--out", &args.out)?;
+    let paths = logs(&args.dir, &args.out)
+        .map_err(|e| CliError::reading(&args.dir, &e, "name a folder that can be read"))?;
+    if paths.is_empty() {
+        return Err(CliError::Config(format!(
+            "{}: no log (*.mcap) in it or below it",
+            args.dir.display()
+        )));
+    }
+    std::fs::create_dir_all(&args.out).map_err(|e| CliError::writing(&args.out, &e))?;
+    let folder = args.store.clone().unwrap_or_else(|| args.out.join("store"));
+    let mut store = Store::open(&folder).map_err(CliError::run)?;
+    let found = survey(&args.dir, &paths, rig.as_ref(), &mut store).map_err(CliError::run)?;
+    store.keep_hashes().map_err(CliError::run)?;
+    let groups = groups(&found);
+    let units = units(&found, &groups, &build.to_string());
+    let replayed = |log: &Path, out: &Path| {
+        replay::one(log, out, build)
+            .map(|_| ())
+            .map_err(|e| e.to_string())
+    };
+    let campaign = Campaign {
+        logs: &found,
+        groups: &groups,
+        units: &units,
+        store: &store,
+        replay: &replayed,
+    };
+    let ready = |unit: &&Unit| {
+        !campaign.is_done(unit) && unit.needs.iter().all(|k| campaign.is_done(&units[*k]))
+    };
+    if args.list {
+        for unit in units.iter().filter(ready) {
+            outln!("{}", unit.name);
+        }
+        return Ok(Outcome::Done);
+    }
+    if !args.only.is_empty() {
+        for name in &args.only {
+            let unit = units.iter().find(|u| u.name == *name).ok_or_else(|| {
+                CliError::Config(format!(
+                    "--only {name}: no such unit; `--list` prints those that can be done"
+                ))
+            })?;
+            if !campaign.is_done(unit) {
+                campaign.work(unit).map_err(CliError::run)?;
+            }
+        }
+        return Ok(Outcome::Done);
+    }
+    work_all(&campaign)?;
+    let rows = rows(&campaign);
+    let command: Vec<String> = std::env::args().skip(1).collect();
+    let html = page(
+        &campaign,
+        &rows,
+        &format!("hydroline {}", command.join(" ")),
+    )
+    .html();
+    let table = csv(&rows).map_err(CliError::run)?;
+    let lines = json_lines(&rows);
+    let files: [&[u8]; 3] = [html.as_bytes(), &table, lines.as_bytes()];
+    for (name, bytes) in FILES.iter().zip(files) {
+        write_whole(&args.out.join(name), bytes).map_err(CliError::run)?;
+    }
+    errln!("{}", args.out.join(FILES[0]).display());
+    if args.json {
+        outln!(
+            "{}",
+            serde_json::to_string_pretty(&json!({ "rows": rows }))?
+        );
+    } else {
+        print(&found, &groups, &rows);
+    }
+    failed(&args.fail_on, &rows)?;
+    match found.iter().any(|f| f.is.is_err()) {
+        true => Ok(Outcome::Lossy),
+        false => Ok(Outcome::Done),
+    }
+}
+
+/// Refuses a folder that holds something else: a campaign writes its files anew each time.
+fn own_folder(out: &Path) -> Result<(), CliError> {
+    let Ok(mut entries) = std::fs::read_dir(out) else {
+        return Ok(());
+    };
+    let other = |name: &str| !name.starts_with('.') && name != "store" && !FILES.contains(&name);
+    let found = entries.find_map(|e| {
+        let name = e.ok()?.file_name().to_string_lossy().into_owned();
+        other(&name).then_some(name)
+    });
+    match found {
+        Some(name) => Err(CliError::Config(format!(
+            "--out {}: holds {name}, which is no campaign's: name a new folder",
+            out.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// All units that are not done, those first that others need.
+fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
+    let open: Vec<&Unit> = campaign
+        .units
+        .iter()
+        .filter(|u| !campaign.is_done(u))
+        .collect();
+    let bar = progress::bar(open.len() as u64, "units");
+    let (runs, joint): (Vec<&Unit>, Vec<&Unit>) = open
+        .into_iter()
+        .partition(|u| matches!(u.task, Task::Run { .. }));
+    for stage in [runs, joint] {
+        let failed: Vec<String> = stage
+            .par_iter()
+            .filter_map(|unit| {
+                let result = campaign.work(unit);
+                bar.inc(1);
+                Some(format!("{}: {}", unit.name, result.err()?))
+            })
+            .collect();
+        if !failed.is_empty() {
+            bar.finish_and_clear();
+            return Err(CliError::Run(failed.join("\nhydroline: ")));
+        }
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn word<'r>(row: &'r Row, column: &str) -> &'r str {
+    row.get(column).and_then(Value::as_str).unwrap_or("")
+}
+
+fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
+    for log in found {
+        if let Err(why) = &log.is {
+            outln!("cannot be used: {}: {why}", log.name);
+        }
+    }
+    for group in groups {
+        let runs: usize = group.days.iter().map(|d| d.logs.len()).sum();
+        outln!(
+            "{} ({}): {runs} runs on {} day(s)",
+            group.vehicle,
+            group.id,
+            group.days.len()
+        );
+        let own = rows.iter().filter(|r| word(r, "group") == group.id);
+        for row in own {
+            match word(row, "kind") {
+                "group" => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
+                "day" => outln!(
+                    "  {}: {} {}",
+                    word(row, "date"),
+                    word(row, "verdict"),
+                    word(row, "sentence")
+                ),
+                "change" => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// What --fail-on names.
+fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
+    let has = |what: &FailOn| -> Vec<String> {
+        let named = |row: &Row, column: &str| {
+            format!(
+                "{} {}: {}",
+                word(row, "group"),
+                word(row, "date"),
+                word(row, column)
+            )
+        };
+        rows.iter()
+            .filter_map(|row| match (what, word(row, "kind")) {
+                (FailOn::Unknown, "group") if word(row, "verdict") == "unknown" => {
+                    Some(named(row, "sentence"))
+                }
+                (FailOn::Misfit, "group") if !word(row, "misfit").is_empty() => {
+                    Some(named(row, "misfit"))
+                }
+                (FailOn::Drift, "change") => {
+                    let same = row.get("same_probability")?.as_f64()?;
+                    (same < 0.5).then(|| named(row, "sentence"))
+                }
+                _ => None,
+            })
+            .collect()
+    };
+    let found: Vec<String> = wanted
+        .iter()
+        .flat_map(|what| {
+            let name = match what {
+                FailOn::Unknown => "unknown",
+                FailOn::Misfit => "misfit",
+                FailOn::Drift => "drift",
+            };
+            let all = has(what);
+            all.into_iter()
+                .map(move |w| format!("--fail-on {name}: {w}"))
+        })
+        .collect();
+    match found.is_empty() {
+        true => Ok(()),
+        false => Err(CliError::Run(found.join("\nhydroline: "))),
+    }
+}
