@@ -92,10 +92,16 @@ fn listed() -> Vec<Printed> {
 }
 
 /// Commands whose JSON is described elsewhere: which, and where.
-const ELSEWHERE: [(&str, &str); 1] = [(
-    "rig show",
-    "The rig with all defaults, by the tables and keys of [Rig and plan files](rig.md).",
-)];
+const ELSEWHERE: [(&str, &str); 2] = [
+    (
+        "rig show",
+        "The rig with all defaults, by the tables and keys of [Rig and plan files](rig.md).",
+    ),
+    (
+        "campaign",
+        "`rows`: a list of the rows of `runs.csv`, each an object with that table's columns; what is not known is absent.",
+    ),
+];
 
 pub(super) fn chapter() -> String {
     let mut text = head(
