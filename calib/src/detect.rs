@@ -2,7 +2,7 @@
 //!
 //! Candidates from one filter ([`candidates`]), a lattice grown from a seed ([`lattice`]),
 //! its order in the world ([`identify`]), and the pattern fitted to the pixels of every
-//! node ([`refine`]). What is uncertain is left out; what is not a board gets a reason.
+//! node ([`refine`]). What is uncertain is discarded; what is not a board gets a reason.
 //! Boards are dark marks on a light face.
 
 mod candidates;
@@ -178,7 +178,7 @@ struct Seen {
     gamma: Option<f64>,
 }
 
-/// The board's pattern in upright order; `None` where no lattice holds what it promises.
+/// The board's pattern in upright order; `None` where no lattice is consistent.
 ///
 /// Half size first: most boards are found there, four times faster; then full size for
 /// thin lines, then a quarter for large marks. Dots are large: a quarter first. Lattices are

@@ -9,7 +9,7 @@
 //!    is found with them: what is left of it widens all that follows, and where it is large the curve is no power.
 //! 2. [`power`]: γ as the slope of ln s_j over ln t_j, with a scatter of the exposures (lamp, exposure clock) that is found too.
 //!
-//! Places are blocks of pixels ([`exposure`]): what is clipped anywhere in one is left out whole.
+//! Places are blocks of pixels ([`exposure`]): one that is clipped anywhere is discarded whole.
 
 mod black;
 mod exposure;
@@ -25,27 +25,27 @@ use hydroline_rigs::StatedResponse;
 /// What an exposure series must be like.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Fewer frames of an exposure do not tell its noise.
+    /// Fewer frames of an exposure do not determine its noise.
     pub frames_least: usize,
     /// Fewer exposures cannot contradict each other.
     pub exposures_least: usize,
     /// A pixel this many sds of its noise from floor or ceiling is not cut off by them in one frame of 10⁴.
     pub clear_sds: f64,
-    /// Light less than so many of its own sds above none bends its mean by more than the second order that is taken off.
+    /// Light less than so many of its own sds above none shifts its mean by more than the second order that is taken off.
     pub light_sds: f64,
     /// Levels that the blocks that are used must span: a power and a straight line differ by a tenth of that.
     pub span_least_levels: f64,
     /// Blocks that must be seen under two exposures or more.
     pub blocks_least: usize,
-    /// A smooth deviation from the curve larger than this makes poses that are off by more than what γ's sd says.
+    /// A smooth deviation from the curve larger than this makes poses that are off by more than γ's sd implies.
     pub deviation_most_levels: f64,
     /// Of the blocks as many may change between exposures; more is a scene that moves.
     pub moved_most_share: f64,
-    /// Scatter of the exposures about their times beyond which light or gain is not what is said.
+    /// Scatter of the exposures about their times beyond which light or gain is not what is stated.
     pub scatter_most: f64,
     /// Frames of one exposure may differ in brightness by this.
     pub flicker_most: f64,
-    /// γ known worse than this is not known better than a run's first frames tell it.
+    /// γ known worse than this is not known better than from a run's first frames.
     pub gamma_sd_most: f64,
 }
 
@@ -67,7 +67,7 @@ impl Default for Options {
     }
 }
 
-/// What an exposure series says.
+/// The result of an exposure series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flat {
     /// γ and its sd.
@@ -86,9 +86,9 @@ pub struct Flat {
     pub scatter: f64,
     /// χ² per degree of freedom of the blocks about the curve.
     pub chi2: f64,
-    /// Blocks used, and those left out since they changed.
+    /// Blocks used, and those discarded since they changed.
     pub blocks: [usize; 2],
-    /// Share by which each exposure that was used is brighter than its time says, by name.
+    /// Share by which each exposure that was used is brighter than by its exposure time, by name.
     pub off_times: Vec<(String, f64)>,
     /// What a person should know of it.
     pub remarks: Vec<String>,
@@ -107,7 +107,7 @@ pub struct Deviation {
     pub chi2: [f64; 2],
 }
 
-/// Why a series says nothing.
+/// Why a series gives no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FlatError {
     /// Exposures.
@@ -258,7 +258,7 @@ impl Flat {
     }
 }
 
-/// Where a toe or a knee may end: levels of the floor's and the ceiling's end that are left out where the curve is no power
+/// Where a toe or a knee may end: levels of the floor's and the ceiling's end that are discarded where the curve is no power
 /// there. sRGB is straight below 10, BT.709 below 21; knees of cameras begin at 80 to 90 % of full.
 const ENDS: [[f64; 2]; 7] = [
     [0.0, 255.0],
@@ -329,7 +329,7 @@ fn of_used(
                     most: options.deviation_most_levels,
                 });
             }
-            // With ends left out too little is left: the reason is why they were.
+            // With ends discarded too little is left: the reason is why they were.
             Err(error) => return Err(refused.unwrap_or(error)),
         }
     }

@@ -1,6 +1,6 @@
 //! Frames, camera and the maps between image and laser plane.
 //!
-//! The only place where one frame is turned into another: everything else asks here,
+//! The only place where one frame is converted into another: everything else asks here,
 //! so a sign can be wrong once only. SI units, radians; pixel coordinates with 0 at the
 //! CENTRE of the top left pixel.
 //!

@@ -151,9 +151,9 @@ pub enum MapError {
     /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
-    /// The refractive map needs to know the camera roughly.
+    /// The refractive map needs approximate camera parameters.
     #[error(
-        "`refractive` needs a rough focal length, port and water index (rig file: camera, port); none was given"
+        "`refractive` needs an approximate focal length, port and water index (rig file: camera, port); none was given"
     )]
     PriorMissing,
     /// The fit itself failed.
@@ -166,12 +166,12 @@ pub enum MapError {
     },
 }
 
-/// What a fit may be told beyond the nodes.
+/// Options of a fit beside the nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FitOptions {
     /// Image size: centre of the distortion's prior. Without it the nodes' centre is taken.
     pub image: Option<ImageSize>,
-    /// Rough knowledge of camera, port and water; needed by `refractive` only.
+    /// Approximate knowledge of camera, port and water; needed by `refractive` only.
     pub refractive: Option<RefractivePrior>,
 }
 

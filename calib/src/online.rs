@@ -28,7 +28,7 @@ use crate::{Calibration, Medium, Residuals};
 pub struct OnlineOptions {
     /// Map to fit.
     pub method: Method,
-    /// What the fit may be told.
+    /// Options of the fit.
     pub fit: FitOptions,
     /// Largest standard deviation on the sheet \[m\], in ξ or η.
     pub tolerance_m: f64,
@@ -123,7 +123,7 @@ impl OnlineCalibration {
 
     /// A detection under the indices of the board that is known here: a still board keeps its
     /// nodes' indices, also in frames that do not show the key. `None` where it is another pose, or
-    /// nobody can say which node is which.
+    /// which node is which is ambiguous.
     pub fn recognise(&self, detection: &Detection) -> Option<Detection> {
         let seen = detection.orientation == Orientation::KeySeen;
         if self.sure && !seen {
@@ -296,7 +296,7 @@ impl OnlineCalibration {
     }
 
     /// Largest standard deviation over a grid of the map's region \[m\]: as it is judged, with the gap
-    /// where it was measured, and as it is told, with the gap in any case.
+    /// where it was measured, and as it is reported, with the gap in any case.
     fn worst_sd_m(&self, map: &FittedMap) -> Option<(f64, f64)> {
         let (low, high) = map.region().bounds_m()?;
         let gap = self.gap_or_unknown();

@@ -1,4 +1,4 @@
-//! What every map from image to laser plane promises.
+//! The interface of every map from image to laser plane.
 
 use hydroline_rigs::{Camera, Laser, Mounts};
 use nalgebra::Matrix2;

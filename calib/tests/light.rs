@@ -127,11 +127,11 @@ fn residuals_beyond_noise_are_said() {
     let usual = residuals(&found);
     assert!(usual.ratio < 1.5, "{}", usual.words());
     // A board whose outer column was drawn 0.3 mm off; one dot with something on it.
-    let mut bent = found.clone();
-    for n in bent.nodes.iter_mut().filter(|n| n.i < 3) {
+    let mut shifted = found.clone();
+    for n in shifted.nodes.iter_mut().filter(|n| n.i < 3) {
         n.node.row_px += 0.3 * f64::from(n.j % 2);
     }
-    let said = residuals(&bent);
+    let said = residuals(&shifted);
     assert!(
         said.unusual() && said.words().contains("OUT OF THE ORDINARY"),
         "{}",
@@ -160,9 +160,9 @@ fn a_mirrored_image_is_refused_by_the_key() {
                 words.contains("mirrored") && words.contains("horizontal_flip"),
                 "{words}"
             );
-            // Flipped both ways it is turned, not mirrored.
-            let turned = flipped(&flipped(&shot.pixels, true), false);
-            assert!(look(&shot.board, &turned).is_ok(), "{kind} {seed}");
+            // Flipped both ways it is rotated, not mirrored.
+            let rotated = flipped(&flipped(&shot.pixels, true), false);
+            assert!(look(&shot.board, &rotated).is_ok(), "{kind} {seed}");
         }
     }
 }
@@ -195,11 +195,11 @@ fn judge_covered(c: &Covered) -> String {
             let order = (worth.sum_px2 / (2.0 * worth.nodes as f64)).sqrt() > 0.2;
             let mut online = OnlineCalibration::new(board.clone(), OnlineOptions::default());
             let part = online.push(&d, None).missing_part;
-            let told = part.as_ref().is_some_and(|p| p.contains(c.side));
+            let reported = part.as_ref().is_some_and(|p| p.contains(c.side));
             let wrong = [
                 (hidden.count() > 1, " WITH FALSE NODES"),
                 (order, " IN WRONG ORDER"),
-                (!told && d.nodes.len() * 10 < of * 7, " WITHOUT A WORD"),
+                (!reported && d.nodes.len() * 10 < of * 7, " WITHOUT A WORD"),
             ];
             let wrong: String = wrong.iter().filter(|w| w.0).map(|w| w.1).collect();
             format!("calibrates the rest{wrong}")

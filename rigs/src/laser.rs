@@ -32,7 +32,7 @@ pub struct Mounts {
     pub camera_tilt_rad: f64,
 }
 
-/// The flat port that the camera looks through, as far as a ruler tells; for `refractive` maps.
+/// The flat port that the camera looks through, as far as a ruler measures it; for `refractive` maps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlatPort {
     /// Entrance pupil of the lens to the port's inner face \[m\].

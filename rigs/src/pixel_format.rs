@@ -146,7 +146,7 @@ impl PixelFormat {
         matches!(self, PixelFormat::Mjpg | PixelFormat::Png)
     }
 
-    /// Whether it tells colours apart (a compressed image may or may not).
+    /// Whether it distinguishes colours (a compressed image may or may not).
     pub fn has_colour(self) -> bool {
         !matches!(
             self,

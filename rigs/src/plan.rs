@@ -1,4 +1,4 @@
-//! Plan files: what the thrusters are told, step by step.
+//! Plan files: the commands of the thrusters, step by step.
 
 mod check;
 mod evaluate;

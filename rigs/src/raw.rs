@@ -2,7 +2,7 @@
 //!
 //! The raw form of a file is its TOML tree with the place of every value
 //! ([`Document`], read through [`Section`]). A derive with `deny_unknown_fields`
-//! stops at the first mistake and cannot tell a line from a range; reading the tree
+//! stops at the first mistake and does not distinguish a line from a range; reading the tree
 //! key by key reports all mistakes of a file at once, each with its line, and keeps
 //! a key's unit, range and default in the one place that reads it.
 

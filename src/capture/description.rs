@@ -23,7 +23,7 @@ pub struct SourceDescription {
     pub node: String,
     /// What was negotiated.
     pub format: NegotiatedFormat,
-    /// Frame rate as read back \[1/s\]; 0 = the driver does not tell.
+    /// Frame rate as read back \[1/s\]; 0 = the driver does not state it.
     pub rate_fps: f64,
     /// Controls as read back.
     pub controls: Vec<ControlReading>,

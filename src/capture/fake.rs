@@ -1,4 +1,4 @@
-//! A camera by script: frames, silences, events and faults, exactly as told.
+//! A camera by script: frames, silences, events and faults, exactly as scripted.
 //!
 //! For tests of everything behind a [`FrameSource`]: time is the injected clock's, so a
 //! script of an hour runs in a moment on a `ManualClock` and paced on a `SystemClock`.

@@ -1,7 +1,7 @@
 //! A folder of images as frames: which files, in which order, and when each was true.
 //!
 //! Names are ordered as people count: `img2` before `img10`. A folder has no clock. With a rate, the number at the end of
-//! a name counts frames, so that a number left out is a frame that is missing; names that do not count (times of day,
+//! a name counts frames, so that a number that is missing is a frame that is missing; names that do not count (times of day,
 //! hardly any of the numbers there) are taken one after the other. Without a rate the names themselves must end with the
 //! frame's UNIX time in nanoseconds, as `hydroline export --frames` and many recorders write them.
 
@@ -74,7 +74,7 @@ pub struct ImageFolder {
     pub path: PathBuf,
     /// Its images.
     pub images: Vec<PathBuf>,
-    /// Names of what else is there, hidden files left out.
+    /// Names of what else is there, without hidden files.
     pub others: Vec<String>,
 }
 

@@ -29,7 +29,7 @@ pub mod tracker;
 use expected::Expected;
 use tracker::Tracker;
 
-/// Steps kept open, so that a late frame or a changed rate is told from a loss by what follows it.
+/// Steps kept open, so that a late frame or a changed rate is distinguished from a loss by what follows it.
 const OPEN_STEPS: usize = 24;
 /// Like intervals that make a new rate.
 const RATE_STEPS: usize = 8;
@@ -172,7 +172,7 @@ pub struct Account {
 }
 
 impl Account {
-    /// A new account; `nominal_period_s` as read back from the device, 0 if it does not tell.
+    /// A new account; `nominal_period_s` as read back from the device, 0 if it does not state it.
     pub fn new(nominal_period_s: f64) -> Self {
         let period_ns = if nominal_period_s.is_finite() && nominal_period_s > 0.0 {
             nominal_period_s * 1e9
@@ -229,7 +229,7 @@ impl Account {
     }
 
     /// A frame with its sequence number and its stamp on one monotonic scale \[ns\].
-    /// Returns what was lost just before it, as far as can be told now, and notes.
+    /// Returns what was lost just before it, as far as is known now, and notes.
     pub fn frame(&mut self, sequence: u32, stamp_ns: u64) -> (LossBefore, Vec<Note>) {
         let mut notes = Vec::new();
         let mark = Mark { sequence, stamp_ns };
@@ -306,7 +306,7 @@ impl Account {
         };
         self.settle(&mut new, &mut notes);
         self.open.push_back(new);
-        // The frame's own gap is told only after the question whether it belongs to a new rate.
+        // The frame's own gap is reported only after the test whether it belongs to a new rate.
         let time_gap = if self.look_for_new_rate(at_ns, &mut notes) {
             0
         } else {

@@ -54,7 +54,7 @@ impl LogSource {
         let rig = reader
             .rig_toml()
             .and_then(|toml| Rig::from_toml(toml, "the log's rig", None).ok());
-        // A foreign log names no rate: the account then takes it from the stamps.
+        // A third-party log names no rate: the account then takes it from the stamps.
         let rate_fps = rig.map_or(0.0, |rig| rig.camera.rate_fps);
         let period_s = if rate_fps > 0.0 { 1.0 / rate_fps } else { 0.0 };
         let mut source = Self {

@@ -1,6 +1,6 @@
 //! The mmap buffer queue as a state machine without I/O.
 //!
-//! It knows which buffers the kernel owns and which we hold, says the next [`Action`], and is told its
+//! It knows which buffers the kernel owns and which we hold, returns the next [`Action`], and takes its
 //! [`Outcome`]. The rules it keeps, whatever comes back: a buffer is queued only while it is ours, none is ever
 //! lost, and every failure leads to a next step: retry, restart with back-off, or re-open. (The `v4l` crate's
 //! own stream queues a buffer before it polls, so one timeout makes every later call fail.)
@@ -429,7 +429,7 @@ impl BufferQueue {
         self.voids += 1;
         self.last_void_ns = now_ns;
         if self.voids < self.owners.len() {
-            // Of the buffers that it gave back some may have held frames; what follows will tell.
+            // Of the buffers that it gave back some may have held frames; what follows will show it.
             return None;
         }
         Some(self.voided())

@@ -15,9 +15,9 @@ use hydroline_core::thread_class::step_back;
 use hydroline_daemon::analysis::Analyst;
 use hydroline_daemon::live::outline::{Outline, Scene};
 use hydroline_daemon::live::{Live, picture};
+use hydroline_daemon::record::aim::{AimView, Gatherer};
 use hydroline_daemon::record::floor::points;
-use hydroline_daemon::record::glance::{Gatherer, Glance};
-use hydroline_daemon::record::newest::{Newest, Taken};
+use hydroline_daemon::record::mailbox::{Mailbox, Taken};
 use hydroline_live::State;
 use hydroline_live::state;
 use hydroline_log::messages::pb::StripeProfile;
@@ -168,16 +168,16 @@ fn show(
     let bytes_per_min = bytes_per_s(&rig.camera) * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
-    let glance = gatherer.glance(window_s, disk_min);
-    screen.glance(&glance);
+    let view = gatherer.view(window_s, disk_min);
+    screen.view(&view);
     if args.json {
-        print::json(&glance)?;
+        print::json(&view)?;
     } else if is_terminal() {
-        in_place(format_args!("{}", glance.line()));
+        in_place(format_args!("{}", view.line()));
     } else {
-        let advice = glance.advice().join("; ");
+        let advice = view.advice().join("; ");
         let between = if advice.is_empty() { "" } else { " | " };
-        in_place(format_args!("{glance}{between}{advice}"));
+        in_place(format_args!("{view}{between}{advice}"));
     }
     Ok(is_read())
 }
@@ -190,7 +190,7 @@ struct Screen {
     live: Option<Live>,
     state: State,
     /// Frames on their way to the page; closed at the end.
-    newest: Arc<Newest<Frame>>,
+    newest: Arc<Mailbox<Frame>>,
 }
 
 /// Between two pictures.
@@ -208,7 +208,7 @@ impl Screen {
         };
         let scene = Scene::new(rig, map.clone());
         let start = Pose::from_array(rig.tank.start_pose);
-        let newest = Arc::new(Newest::default());
+        let newest = Arc::new(Mailbox::default());
         if let Some(live) = &live {
             let expected = scene.outline(&start);
             let pictures = Pictures {
@@ -254,14 +254,14 @@ impl Screen {
         state::keep(&mut self.state.events, event.into());
     }
 
-    fn glance(&mut self, glance: &Glance) {
-        self.state.aim = glance.checks();
-        self.state.frames.lost = glance.lost;
-        self.state.frames.rate_fps = glance.steady_fps.or(Some(glance.rate_fps));
-        self.state.frames.points = glance.columns.0 as u64;
+    fn view(&mut self, view: &AimView) {
+        self.state.aim = view.checks();
+        self.state.frames.lost = view.lost;
+        self.state.frames.rate_fps = view.steady_fps.or(Some(view.rate_fps));
+        self.state.frames.points = view.columns.0 as u64;
         self.state.disk = Some(state::Disk {
             bytes: 0,
-            left_min: glance.disk_min,
+            left_min: view.disk_min,
         });
         if let Some(live) = &self.live {
             live.feed.publish(self.state.clone());
@@ -287,7 +287,7 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn start(mut self, frames: Arc<Newest<Frame>>) {
+    fn start(mut self, frames: Arc<Mailbox<Frame>>) {
         let work = move || {
             step_back(10);
             loop {

@@ -467,7 +467,7 @@ fn lossy(report: &Report, before: Outcome) -> Outcome {
     let few = report.poses.as_ref().filter(|p| !searched && p.few());
     if let Some(poses) = few {
         let most = poses.none.iter().max_by_key(|(_, n)| **n);
-        let why = most.filter(|(_, n)| **n >= poses.doubtful);
+        let why = most.filter(|(_, n)| **n >= poses.flagged);
         errln!(
             "hydroline: only {} of {} frames looked at have a pose; most often: {}",
             poses.fitted + poses.opening,
@@ -842,9 +842,9 @@ fn print_report(out: &Path, report: &Report) {
     if let Some(poses) = &report.poses {
         let none: u64 = poses.none.values().sum();
         outln!(
-            "  poses: {} fitted, {} doubtful and {none} without a pose (not in the log), {} skipped for want of time: replay fits them",
+            "  poses: {} fitted, {} flagged as misfit and {none} without a pose (not in the log), {} skipped for want of time: replay fits them",
             poses.fitted,
-            poses.doubtful,
+            poses.flagged,
             poses.skipped,
         );
     }

@@ -557,13 +557,13 @@ fn print_report(log: &Path, out: &Path, report: &Report, comparable: bool) {
         let millimetres = |v: [f64; 6]| [v[0] * 1e3, v[1] * 1e3, v[2] * 1e3];
         let degrees = |v: [f64; 6]| [v[3], v[4], v[5]].map(f64::to_degrees);
         outln!(
-            "  smoothed: sd of x y z {:.3?} mm (single frames {:.3?}), of roll pitch yaw {:.4?} deg ({:.4?}); {} frames filled in, {} doubted, chi2 {:.2}",
+            "  smoothed: sd of x y z {:.3?} mm (single frames {:.3?}), of roll pitch yaw {:.4?} deg ({:.4?}); {} frames filled in, {} downweighted, chi2 {:.2}",
             millimetres(s.sd_smoothed),
             millimetres(s.sd_single),
             degrees(s.sd_smoothed),
             degrees(s.sd_single),
             s.filled,
-            s.doubted,
+            s.downweighted,
             s.chi2
         );
     }

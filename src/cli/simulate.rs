@@ -6,7 +6,7 @@ use super::{CliError, Outcome, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_daemon::simulate::{Options, simulate};
-use hydroline_log::Unfinished;
+use hydroline_log::AtomicFile;
 use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
 use schemars::JsonSchema;
@@ -120,7 +120,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let length_s = plan.duration_s() + options.tail_s;
     let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
     // Ctrl-C leaves no half log behind that looks like a whole one.
-    let unfinished = Unfinished::begin(&args.out)?;
+    let unfinished = AtomicFile::begin(&args.out)?;
     let result = simulate(&rig, &plan, unfinished.path(), &options, &mut |done, _| {
         bar.set_position(done)
     });

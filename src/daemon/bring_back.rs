@@ -31,7 +31,7 @@ impl Default for StartTolerance {
     }
 }
 
-/// So long within the tolerance before the vehicle counts as back: passing through is not being there.
+/// So long within the tolerance before the vehicle counts as back: crossing the tolerance is not being there.
 pub const HOLD: Duration = Duration::from_secs(1);
 /// A pose older than this says nothing of a vehicle in somebody's hands.
 pub const FRESH: Duration = Duration::from_secs(2);
@@ -54,7 +54,7 @@ impl Seen {
     }
 }
 
-/// What is left to do, in the vehicle's own directions. What the frame does not show is left out.
+/// What is left to do, in the vehicle's own directions. What the frame does not show is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Left {
     /// Forward; negative = back \[m\].
@@ -227,7 +227,7 @@ impl Guide {
             Stage::Away(left) => format!("{place} | go {left}"),
             Stage::Arriving(_) => format!("{place} | hold it there"),
             Stage::Back(_) => {
-                format!("{place} | at the start: hands off, Enter when the water rests")
+                format!("{place} | at the start: release, Enter when the water rests")
             }
         }
     }

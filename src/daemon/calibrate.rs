@@ -282,7 +282,7 @@ pub struct Poses {
 
 impl Poses {
     /// Takes one image's board to the pose it shows; answers with that pose's index. `None` for an
-    /// image in which the key is hidden and that shows no pose whose nodes are known: nobody can say
+    /// image in which the key is hidden and that shows no pose whose nodes are known: it is not known
     /// which node is which, and nothing is guessed.
     pub fn push(&mut self, setup: &Setup, sighting: Sighting) -> Option<usize> {
         let recognised = (0..self.poses.len()).find_map(|k| {

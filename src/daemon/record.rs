@@ -4,20 +4,20 @@
 //! five threads: capture (never waits for anything but the camera), analysis (newest frame only), poses
 //! (newest stripe only), the thruster service and the log's writer. Whatever ends the run, the thrusters go to neutral first.
 
+pub mod aim;
 mod aim_words;
 mod calibrating;
 pub mod floor;
-pub mod glance;
 pub mod keys;
+mod limit_monitor;
 pub mod limits;
+pub mod mailbox;
 mod manager;
 mod measured_pose;
-pub mod newest;
 mod publisher;
 mod session;
 mod supervise;
 mod tracker;
-mod watch;
 mod worker;
 
 pub use aim_words::TERMINAL_COLUMNS;
@@ -44,8 +44,8 @@ use hydroline_thruster::safety::NeutralReason;
 use hydroline_thruster::scheduler::PlannedLoad;
 use hydroline_thruster::service::{Opener, ServiceError, ServiceStats, Sink};
 use hydroline_thruster::{ControllerClock, LinkRecord, ServiceConfig, ThrusterService};
+use mailbox::Mailbox;
 use measured_pose::MeasuredPose;
-use newest::Newest;
 use publisher::{Desk, Note};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -134,7 +134,8 @@ pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
     /// Fitted, but not to be used without a look at the frame (another hexagon, ambiguous, misfit): not in the log.
-    pub doubtful: u64,
+    #[serde(rename = "doubtful")]
+    pub flagged: u64,
     /// Frames without a pose, by reason.
     pub none: BTreeMap<&'static str, u64>,
     /// A newer stripe came before there was time to fit them; `replay` fits every one.
@@ -149,7 +150,7 @@ pub struct PoseCounts {
 impl PoseCounts {
     /// Frames that were fitted, with whatever came of it.
     pub fn looked_at(&self) -> u64 {
-        self.fitted + self.opening + self.doubtful + self.none.values().sum::<u64>()
+        self.fitted + self.opening + self.flagged + self.none.values().sum::<u64>()
     }
 
     /// Whether fewer than half of the frames looked at have a pose.
@@ -194,13 +195,13 @@ struct Shared {
     shutdown: Shutdown,
     /// Beats with each turn of the capture's loop.
     capture: Heartbeat,
-    newest: Newest<hydroline_core::frame::Frame>,
+    newest: Mailbox<hydroline_core::frame::Frame>,
     /// For the poses.
-    stripes: Newest<worker::Seen>,
+    stripes: Mailbox<worker::Seen>,
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
-    floor: Mutex<Option<watch::Measured>>,
+    floor: Mutex<Option<limit_monitor::Measured>>,
     pose: Mutex<Option<MeasuredPose>>,
     calibrating: Mutex<Option<Calibrating>>,
     /// For the live page.
@@ -246,7 +247,7 @@ impl Shared {
     }
 }
 
-/// Is told the state of a recording about ten times a second, on a thread of its own: a terminal that
+/// Receives the state of a recording about ten times a second, on a thread of its own: a terminal that
 /// stands still must not hold up the recording.
 pub type Watch = Box<dyn FnMut(&Status) + Send>;
 
@@ -272,7 +273,7 @@ fn start_threads(
         .map(|map| worker::poses(shared.clone(), job, map))
         .transpose()?;
     let analysis = worker::analysis(shared.clone(), job, map)?;
-    let limits = watch::start(shared.clone(), job, neutral)?;
+    let limits = limit_monitor::start(shared.clone(), job, neutral)?;
     let capture = worker::capture(shared.clone(), source)?;
     Ok(Threads {
         capture,
@@ -283,13 +284,13 @@ fn start_threads(
 }
 
 /// Shows the newest status on a thread that nobody waits for.
-fn show(status: Arc<Newest<Status>>, mut watch: Watch) {
+fn show(status: Arc<Mailbox<Status>>, mut watch: Watch) {
     let work = move || {
         loop {
             match status.take(Duration::from_secs(1)) {
-                newest::Taken::Item(status) => watch(&status),
-                newest::Taken::Nothing => {}
-                newest::Taken::Closed => return,
+                mailbox::Taken::Item(status) => watch(&status),
+                mailbox::Taken::Nothing => {}
+                mailbox::Taken::Closed => return,
             }
         }
     };
@@ -317,8 +318,8 @@ pub fn run(
         clock: parts.clock.clone(),
         shutdown: shutdown.clone(),
         capture: Heartbeat::default(),
-        newest: Newest::default(),
-        stripes: Newest::default(),
+        newest: Mailbox::default(),
+        stripes: Mailbox::default(),
         progress: Mutex::new(Progress::default()),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
@@ -347,7 +348,7 @@ pub fn run(
         desk.live().feed.attach(Box::new(stop));
     }
     let started = start_threads(&shared, parts.source, parts.map, job, service.as_ref());
-    let status = Arc::new(Newest::default());
+    let status = Arc::new(Mailbox::default());
     show(status.clone(), watch);
     // Whatever failed to start, the parts that did are taken down in order and the file gets its end.
     let result = match &started {
@@ -570,7 +571,7 @@ fn summary(
     put("source.restarts", counts.restarts.to_string());
     if let Some(poses) = poses {
         put("poses.fitted", poses.fitted.to_string());
-        put("poses.doubtful", poses.doubtful.to_string());
+        put("poses.doubtful", poses.flagged.to_string());
         put("poses.none", poses.none.values().sum::<u64>().to_string());
         for (reason, n) in &poses.none {
             put(&format!("poses.none.{reason}"), n.to_string());

@@ -1,6 +1,6 @@
 //! `replay`: every frame of a log, or of a folder of images, extracted again, offline and deterministic.
 //!
-//! Everything of ours but the images is carried over; messages of foreign topics cannot be written
+//! Everything of ours but the images is carried over; messages of third-party topics cannot be written
 //! by our writer and are counted by topic. Profiles are computed anew with the code that ran
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
@@ -24,7 +24,7 @@ use hydroline_log::{
     DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, MetadataMap, Record,
     SummaryInput, WriteSettings,
 };
-use hydroline_pose::joint::Ahead;
+use hydroline_pose::joint::Speculative;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
 use hydroline_rigs::Rig;
@@ -99,7 +99,7 @@ pub struct Report {
     pub frames_missing: u64,
     /// Frames with a stripe.
     pub with_stripe: u64,
-    /// Of these, frames that the camera delivered and nobody can read: of the wrong size, or no image.
+    /// Of these, frames that the camera delivered and that cannot be read: of the wrong size, or no image.
     pub undecodable: u64,
     /// Metadata of the log that is not as it was written, by name, in words.
     pub damaged_metadata: BTreeMap<String, String>,
@@ -117,7 +117,7 @@ pub struct Report {
     pub foreign: BTreeMap<String, u64>,
     /// Frames with a pose that is fit for use (`/vehicle/motion`).
     pub poses: u64,
-    /// Frames whose pose was left out, by reason; the numbers in it are those of the first of its kind.
+    /// Frames whose pose was discarded, by reason; the numbers in it are those of the first of its kind.
     pub without_pose: BTreeMap<String, u64>,
     /// Stretches of half a second and more without one.
     pub gaps: Vec<gaps::Gap>,
@@ -198,7 +198,7 @@ pub enum ReplayError {
     },
 }
 
-/// Replays one log into a new one; `progress` is told how many frames are done.
+/// Replays one log into a new one; `progress` is called with how many frames are done.
 ///
 /// # Errors
 /// [`ReplayError`]. A damaged log stops with the place of the damage; `recover` it first.
@@ -211,7 +211,7 @@ pub fn replay(
     let mut reader = options.open(log)?;
     let head = head(&reader, log, options);
     // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
-    // nobody knows how much stands before it.
+    // how much stands before it is not known.
     let mut camera = None;
     for message in reader.by_ref() {
         if let Record::Frame(frame) = message?.record {
@@ -420,7 +420,7 @@ fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
 }
 
 /// A frame's stripe, and its pose fitted ahead.
-type Posed = (GreyImage, Profile, Ahead);
+type Posed = (GreyImage, Profile, Speculative);
 /// A frame's stripe: the message, and what its pose follows from.
 type Analysed = (StripeProfile, Option<Posed>);
 
@@ -428,8 +428,8 @@ type Analysed = (StripeProfile, Option<Posed>);
 fn posed(analyst: &mut Analyst, run: &PoseRun, frame: &Frame) -> Analysed {
     let (message, whole) = analyst.analyse_whole(frame);
     let posed = whole.map(|(image, profile)| {
-        let ahead = run.ahead(frame.meta.mid_exposure_ns, &image, &profile);
-        (image, profile, ahead)
+        let speculative = run.speculative(frame.meta.mid_exposure_ns, &image, &profile);
+        (image, profile, speculative)
     });
     (message, posed)
 }
@@ -619,11 +619,11 @@ impl Replay<'_> {
             self.report.poses += 1;
             return self.write_motion(log_ns, &motion);
         }
-        let (Some(run), Some((image, profile, ahead))) = (&mut self.run, pixels) else {
+        let (Some(run), Some((image, profile, speculative))) = (&mut self.run, pixels) else {
             return Ok(());
         };
         self.posed.insert(stamp_ns);
-        let why = match run.pose_ahead(stamp_ns, &image, &profile, ahead) {
+        let why = match run.pose_speculative(stamp_ns, &image, &profile, speculative) {
             RunPose::Good(fit) => {
                 self.report.poses += 1;
                 self.gaps.pose(stamp_ns);
@@ -631,7 +631,7 @@ impl Replay<'_> {
                 self.still.motion(&motion);
                 return self.write_motion(log_ns, &motion);
             }
-            RunPose::Doubtful(fit) => fit.reasons(),
+            RunPose::Flagged(fit) => fit.reasons(),
             RunPose::None(fault) => fault.to_string(),
         };
         self.gaps.none(stamp_ns, &why);

@@ -99,7 +99,7 @@ pub enum SimulateError {
     Capture(#[from] CaptureError),
 }
 
-/// Runs a plan and writes its log; `progress` is told (frames done, frames in all).
+/// Runs a plan and writes its log; `progress` is called with (frames done, frames in all).
 ///
 /// # Errors
 /// [`SimulateError`]; a file that was begun is closed and readable.

@@ -6,7 +6,7 @@
 
 mod messages;
 
-pub use messages::{Newest, of_picture};
+pub use messages::{Sent, of_picture};
 
 use bytes::{BufMut, Bytes, BytesMut};
 use data_encoding::BASE64;
@@ -94,7 +94,7 @@ pub fn protocol(offered: &str) -> Option<&'static str> {
     PROTOCOLS.into_iter().find(of)
 }
 
-/// What a viewer is told first. `session` changes from run of the program to run.
+/// What a viewer is sent first. `session` changes from run of the program to run.
 pub fn greeting(title: &str, session: &str) -> [String; 2] {
     let channels: Vec<_> = Channel::ALL
         .iter()

@@ -3,7 +3,7 @@
 //! | who asks | kept out by |
 //! |---|---|
 //! | another computer | the address that is listened on; off loopback, the token |
-//! | another site in the same browser | `Sec-Fetch-Site`, `Origin`; for STOP the session's key in a header of its own, which makes a browser ask first, and it is told no |
+//! | another site in the same browser | `Sec-Fetch-Site`, `Origin`; for STOP the session's key in a header of its own, which makes a browser ask first, and it is refused |
 //! | another site as a Foxglove viewer | the token, or where there is none the list of those that are viewers |
 //! | another site under a name that it points at us (DNS rebinding) | `Host` has to be this computer |
 //!
@@ -173,7 +173,7 @@ impl Guard {
     /// What the request asks for, if it may.
     ///
     /// # Errors
-    /// [`Refusal`]; without the right token nothing else about the request is told.
+    /// [`Refusal`]; without the right token nothing else about the request is reported.
     pub fn check(&self, asked: &Asked<'_>) -> Result<Route, Refusal> {
         let host = asked.host.text().ok_or(Refusal::Host)?;
         if !self.is_this_computer(host) {

@@ -203,7 +203,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_is_there_is_told_and_what_is_not_is_left_out() {
+    fn what_is_there_is_reported_and_what_is_not_is_absent() {
         let mut state = State::default();
         state.frames.received = 250;
         state.disk = Some(Disk {

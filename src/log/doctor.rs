@@ -57,7 +57,7 @@ pub struct Diagnosis {
     /// Of a recording that broke off and was recovered: frames known to be missing.
     pub recovered_lost: Option<u64>,
     /// Frames that the camera, driver or daemon lost, by the marks on the frames or by the account, whichever states
-    /// more: a sound file tells of them, but they are not there.
+    /// more: a sound file lists them, but they are not there.
     pub frames_lost: u64,
 }
 
@@ -87,7 +87,7 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
                 }
             }
             Step::Damage { offset, damage } => checks.damage(offset, &damage),
-            Step::Torn { .. } | Step::Metadata { .. } => {}
+            Step::Truncated { .. } | Step::Metadata { .. } => {}
         }
     }
     let frames_lost = checks.frames_lost(&scan.learnt);

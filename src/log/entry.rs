@@ -130,7 +130,7 @@ impl Entry {
         }
     }
 
-    /// A frame: the queue may drop it, and tells when it does.
+    /// A frame: the queue may drop it, and reports when it does.
     pub fn is_frame(&self) -> bool {
         matches!(self, Entry::Frame { .. })
     }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::LogError;
-use super::account::{Counts, LogOutcome, SummaryInput};
 use super::entry::Entry;
+use super::loss_account::{Counts, LogOutcome, SummaryInput};
 use super::settings::{FileParts, Head, PartOpener, WriteSettings};
 use super::writer::LogWriter;
 

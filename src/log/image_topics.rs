@@ -149,7 +149,7 @@ fn is_ours(channel: &ChannelRecord, schema: &str) -> bool {
 }
 
 /// Every topic with images; `None` as soon as one of ours is found where `ours_will_do`. Damage is passed over:
-/// whoever reads the images tells of it.
+/// whoever reads the images reports it.
 fn survey(path: &Path, ours_will_do: bool) -> Result<Option<Vec<ImageTopic>>, LogError> {
     let mut scan = scan::open(path)?;
     let mut found: BTreeMap<String, ImageTopic> = BTreeMap::new();

@@ -123,7 +123,7 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
                 cut |= d.is_missing_end();
                 damage.push((offset, d.to_string()));
             }
-            Step::Torn { .. } | Step::Metadata { .. } => {}
+            Step::Truncated { .. } | Step::Metadata { .. } => {}
         }
     }
     let mut topics: Vec<TopicInfo> = topics.into_values().collect();
@@ -234,7 +234,7 @@ mod tests {
     use super::utc;
 
     #[test]
-    fn times_are_told_in_utc() {
+    fn times_are_printed_in_utc() {
         assert_eq!(utc(1_760_000_000_123_456_789), "2025-10-09T08:53:20.123Z");
         assert_eq!(utc(u64::MAX), "2554-07-21T23:34:33.709Z");
     }

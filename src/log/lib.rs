@@ -13,7 +13,7 @@
 
 use std::path::PathBuf;
 
-mod account;
+mod atomic_file;
 mod closing;
 pub mod doctor;
 mod entry;
@@ -21,7 +21,9 @@ pub mod export;
 mod file_recorder;
 mod image_topics;
 pub mod info;
+mod loss_account;
 pub mod messages;
+mod output;
 mod part;
 pub mod policy;
 pub mod queue;
@@ -33,21 +35,21 @@ pub mod recover;
 mod scan;
 mod seal;
 mod settings;
-mod sink;
 mod space;
 #[cfg(test)]
 pub(crate) mod testing;
 mod time;
 mod topic;
 pub mod trace;
-mod unfinished;
 mod writer;
 
-pub use account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
+pub use atomic_file::AtomicFile;
 pub use closing::Closing;
 pub use entry::Entry;
 pub use file_recorder::FileRecorder;
 pub use image_topics::{ImageTopic, ImageTopicError, image_topic};
+pub use loss_account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
+pub use output::{FileOutput, LogOutput, NameLost, free_bytes};
 pub use part::{Encoding, MetadataMap};
 pub use policy::Limits;
 pub use raw::{RawMessage, RawReader, RawSchema};
@@ -56,11 +58,9 @@ pub use recorder::{Recorder, WeakRecorder};
 pub use records::{EXPANSION_MAX, LIMIT_BYTES};
 pub use seal::{DAMAGED_KEY, SealFinding, SealState};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
-pub use sink::{FileSink, LogSink, NameLost, free_bytes};
 pub use space::{bytes_per_frame, bytes_per_s, writable_folder};
 pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
-pub use unfinished::Unfinished;
 pub use writer::LogWriter;
 
 /// What can go wrong with a log.

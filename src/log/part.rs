@@ -13,10 +13,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use mcap::records::MessageHeader;
 
 use super::entry::Entry;
+use super::output::{LogOutput, NameLost};
 use super::policy::{Due, Limits, Policy};
 use super::seal;
 use super::settings::Head;
-use super::sink::{LogSink, NameLost};
 use super::topic::Topic;
 
 /// Named string maps: MCAP metadata.
@@ -78,7 +78,7 @@ impl Write for Staging {
 impl Seek for Staging {
     fn seek(&mut self, pos: SeekFrom) -> io::Result<u64> {
         match pos {
-            // The writer, told not to seek, still asks where it is.
+            // The writer, set not to seek, still queries its position.
             SeekFrom::Current(0) => Ok(self.with(|s| s.taken_before + s.bytes.len() as u64)),
             _ => Err(io::ErrorKind::Unsupported.into()),
         }
@@ -99,7 +99,7 @@ const TAIL_FIXED_BYTES: u64 = 32 << 10;
 
 /// A part being written.
 pub(super) struct PartFile {
-    sink: Box<dyn LogSink>,
+    sink: Box<dyn LogOutput>,
     staging: Staging,
     mcap: mcap::Writer<Staging>,
     channels: BTreeMap<Topic, u16>,
@@ -117,7 +117,7 @@ impl PartFile {
     /// Writes and syncs the head before any message: header, metadata, then the known channels
     /// in a chunk of their own, so that a damaged data chunk costs no later message its schema.
     pub fn create(
-        sink: Box<dyn LogSink>,
+        sink: Box<dyn LogOutput>,
         encoding: &Encoding,
         limits: Limits,
         head: &Head,

@@ -108,7 +108,7 @@ impl Iterator for RawReader {
                         damage,
                     }));
                 }
-                Step::Torn { .. } | Step::Metadata { .. } => {}
+                Step::Truncated { .. } | Step::Metadata { .. } => {}
             }
         }
     }

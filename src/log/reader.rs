@@ -249,7 +249,7 @@ impl<R: BufRead> Iterator for LogReader<R> {
                     }));
                 }
                 // Unchecked bytes: only `recover` looks at them.
-                Step::Torn { .. } | Step::Metadata { .. } => {}
+                Step::Truncated { .. } | Step::Metadata { .. } => {}
             }
         }
     }

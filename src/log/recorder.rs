@@ -6,8 +6,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::LogError;
-use super::account::{Counts, FrameLedger, LogOutcome, SummaryInput};
 use super::entry::Entry;
+use super::loss_account::{Counts, FrameLedger, LogOutcome, SummaryInput};
 use super::messages::{self, pb};
 use super::queue::{Admission, Popped, Queue, Queued};
 use super::settings::{Head, PartOpener, WriteSettings};

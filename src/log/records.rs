@@ -113,7 +113,7 @@ pub(super) struct Records<R> {
     source: R,
     offset: u64,
     hasher: crc32fast::Hasher,
-    torn: Option<ChunkRecord>,
+    truncated: Option<ChunkRecord>,
     opcode: u8,
     done: bool,
 }
@@ -141,7 +141,7 @@ impl<R: BufRead> Records<R> {
             source,
             offset: magic.len() as u64,
             hasher,
-            torn: None,
+            truncated: None,
             opcode: op::HEADER,
             done: false,
         }))
@@ -212,7 +212,7 @@ impl<R: BufRead> Records<R> {
             let have = body.len() as u64;
             if have < len {
                 if opcode == op::CHUNK {
-                    self.torn = chunk(&Bytes::from(std::mem::take(&mut body)), true).ok();
+                    self.truncated = chunk(&Bytes::from(std::mem::take(&mut body)), true).ok();
                 }
                 return Err(Damage::Cut { need: len, have });
             }
@@ -236,8 +236,8 @@ impl<R: BufRead> Records<R> {
     }
 
     /// What there is of the chunk in which the file ends.
-    pub fn take_torn(&mut self) -> Option<ChunkRecord> {
-        self.torn.take()
+    pub fn take_truncated(&mut self) -> Option<ChunkRecord> {
+        self.truncated.take()
     }
 
     /// The summary's CRC: it covers the footer up to the CRC itself.
@@ -322,7 +322,7 @@ impl<R: BufRead + io::Seek> Records<R> {
     pub fn jump(&mut self, offset: u64) -> io::Result<()> {
         self.source.seek(io::SeekFrom::Start(offset))?;
         self.offset = offset;
-        self.torn = None;
+        self.truncated = None;
         self.done = false;
         Ok(())
     }

@@ -20,12 +20,12 @@ use mcap::records::op;
 use serde::Serialize;
 
 use super::LogError;
+use super::atomic_file::AtomicFile;
 use super::part::MetadataMap;
 use super::reader::decode;
 use super::records::{self, ChunkFinder, ChunkRecord, Damage};
 use super::scan::{self, FileScan, Step};
 use super::seal::{SealFinding, SealState, sealed};
-use super::unfinished::Unfinished;
 use copy::{Copy, Digest};
 use ledger::Ledger;
 
@@ -44,8 +44,9 @@ pub struct Recovery {
     pub messages: BTreeMap<String, u64>,
     /// Their sum.
     pub messages_total: u64,
-    /// How many of them come from the torn last chunk.
-    pub from_torn_chunk: u64,
+    /// How many of them come from the truncated last chunk.
+    #[serde(rename = "from_torn_chunk")]
+    pub from_truncated_chunk: u64,
     /// What was damaged, with its offset.
     pub damage: Vec<(u64, String)>,
     /// Messages that do not decode, by topic; copied as they are.
@@ -84,7 +85,7 @@ pub fn recover_as(input: &Path, output: &Path, build: BuildInfo) -> Result<Recov
     let scan = scan::open(input)?;
     let input_bytes = std::fs::metadata(input).map_err(read)?.len();
     // Half a recovery is worse than none: it gets its name when it has been read back.
-    let unfinished = Unfinished::begin(output)?;
+    let unfinished = AtomicFile::begin(output)?;
     let file = OpenOptions::new()
         .write(true)
         .create_new(true)
@@ -147,7 +148,7 @@ fn copy_all(
         copy.metadata(&name, map).map_err(out)?;
     }
     let (mut damage, mut undecodable) = (Vec::new(), BTreeMap::<String, u64>::new());
-    let (mut from_torn, mut spoilt, mut info) = (0, false, None);
+    let (mut from_truncated, mut spoilt, mut info) = (0, false, None);
     let mut step = first;
     while let Some(now) = step {
         match now {
@@ -164,8 +165,8 @@ fn copy_all(
                 let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
                 copy.metadata(&name, map).map_err(out)?;
             }
-            Step::Torn { chunk } => {
-                from_torn += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
+            Step::Truncated { chunk } => {
+                from_truncated += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
             }
             Step::Damage { offset, damage: d } => {
                 spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
@@ -193,7 +194,10 @@ fn copy_all(
         ("from".to_owned(), input.display().to_string()),
         ("input_bytes".to_owned(), input_bytes.to_string()),
         ("messages".to_owned(), copy.total.to_string()),
-        ("messages_from_torn_chunk".to_owned(), from_torn.to_string()),
+        (
+            "messages_from_torn_chunk".to_owned(),
+            from_truncated.to_string(),
+        ),
         ("unread_bytes".to_owned(), unread_bytes.to_string()),
     ]);
     for (n, (offset, text)) in damage.iter().take(100).enumerate() {
@@ -229,7 +233,7 @@ fn copy_all(
         output_bytes,
         messages: copy.messages,
         messages_total: copy.total,
-        from_torn_chunk: from_torn,
+        from_truncated_chunk: from_truncated,
         damage,
         undecodable,
         metadata,
@@ -241,7 +245,7 @@ fn copy_all(
     Ok((recovery, copy.digest.0.finalize()))
 }
 
-/// Copies the whole messages of a torn chunk. A cut leaves a true prefix of what was written,
+/// Copies the whole messages of a truncated chunk. A cut leaves a true prefix of what was written,
 /// compressed or not, so a record whose last byte is there is as it was; ours must decode, too.
 fn salvage(
     chunk: &ChunkRecord,
@@ -314,7 +318,7 @@ fn verify(output: &Path, messages: u64, digest: u32) -> Result<(), LogError> {
             Step::Damage { offset, damage } => {
                 return Err(failed(format!("at byte {offset}: {damage}")));
             }
-            Step::Torn { .. } | Step::Metadata { .. } => {}
+            Step::Truncated { .. } | Step::Metadata { .. } => {}
         }
     }
     if scan.learnt.messages != messages {
@@ -340,8 +344,8 @@ impl fmt::Display for Recovery {
         line(
             f,
             format_args!(
-                "  {} messages recovered and verified, {} of them from the torn last chunk",
-                self.messages_total, self.from_torn_chunk
+                "  {} messages recovered and verified, {} of them from the truncated last chunk",
+                self.messages_total, self.from_truncated_chunk
             ),
         )?;
         for (topic, n) in &self.messages {

@@ -1,4 +1,4 @@
-//! A file's messages, undecoded but checked, with everything else that a file tells about itself.
+//! A file's messages, undecoded but checked, with everything else that a file states about itself.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -30,8 +30,8 @@ pub(super) enum Step {
     Metadata { name: String },
     /// Damage. Further steps may follow: a bad chunk does not spoil the next one.
     Damage { offset: u64, damage: Damage },
-    /// The record at the end of the file is torn inside a chunk: what is there of it.
-    Torn { chunk: ChunkRecord },
+    /// The record at the end of the file is truncated inside a chunk: what is there of it.
+    Truncated { chunk: ChunkRecord },
 }
 
 /// What a scan has learnt so far.
@@ -73,7 +73,7 @@ pub(super) struct Scan<R> {
     pub learnt: Learnt,
     chunk: Option<(u64, Bytes)>,
     pending: Option<Located>,
-    torn: Option<ChunkRecord>,
+    truncated: Option<ChunkRecord>,
     past_data: bool,
     damaged: bool,
     cut: bool,
@@ -107,7 +107,7 @@ impl<R: BufRead> Scan<R> {
             learnt: Learnt::default(),
             chunk: None,
             pending: None,
-            torn: None,
+            truncated: None,
             past_data: false,
             damaged: false,
             cut: false,
@@ -141,15 +141,15 @@ impl<R: BufRead> Scan<R> {
         R: std::io::Seek,
     {
         self.records.jump(offset)?;
-        (self.chunk, self.pending, self.torn) = (None, None, None);
+        (self.chunk, self.pending, self.truncated) = (None, None, None);
         (self.cut, self.done, self.past_data) = (false, false, false);
         Ok(())
     }
 
     fn next_inner(&mut self) -> Option<Step> {
         loop {
-            if let Some(chunk) = self.torn.take() {
-                return Some(Step::Torn { chunk });
+            if let Some(chunk) = self.truncated.take() {
+                return Some(Step::Truncated { chunk });
             }
             if let Some((offset, damage)) = self.pending.take() {
                 return Some(Step::Damage { offset, damage });
@@ -185,7 +185,7 @@ impl<R: BufRead> Scan<R> {
                 Some(Err(located)) => {
                     self.done = true;
                     self.cut = true;
-                    self.torn = self.records.take_torn();
+                    self.truncated = self.records.take_truncated();
                     self.pending = Some(located);
                 }
                 None => {

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn altered_missing_and_unsealed_maps_are_told_apart() {
+    fn altered_missing_and_unsealed_maps_are_distinguished() {
         let head = vec![
             ("rig".to_owned(), sealed("rig", map(&[("toml", "a = 1")]))),
             ("session".to_owned(), sealed("session", map(&[]))),

@@ -7,9 +7,9 @@ use hydroline_core::build_info::BuildInfo;
 use hydroline_rigs::{LogSettings, PixelFormat};
 
 use super::LogError;
+use super::output::{FileOutput, LogOutput, free_bytes};
 use super::part::{Encoding, MetadataMap};
 use super::policy::Limits;
-use super::sink::{FileSink, LogSink, free_bytes};
 use super::topic::Topic;
 
 /// Opens the files of a recording, part by part from 0.
@@ -18,11 +18,11 @@ pub trait PartOpener: Send {
     ///
     /// # Errors
     /// Whatever the file system says.
-    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)>;
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)>;
 }
 
-impl<F: FnMut(u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> + Send> PartOpener for F {
-    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
+impl<F: FnMut(u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)> + Send> PartOpener for F {
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)> {
         self(part)
     }
 }
@@ -53,10 +53,10 @@ impl FileParts {
 }
 
 impl PartOpener for FileParts {
-    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
+    fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)> {
         let path = self.part_path(part);
         let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", path.display()));
-        let sink = FileSink::create(&path, self.replace).map_err(named)?;
+        let sink = FileOutput::create(&path, self.replace).map_err(named)?;
         Ok((Box::new(sink), path))
     }
 }

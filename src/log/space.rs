@@ -1,4 +1,4 @@
-//! How much room a recording takes, in one place for everything that tells or checks it.
+//! How much room a recording takes, in one place for everything that reports or checks it.
 
 use hydroline_rigs::Camera;
 use std::path::Path;
@@ -19,7 +19,7 @@ pub fn writable_folder(dir: &Path) -> Result<(), String> {
         }
         Ok(_) => {}
     }
-    // Tried, not asked for: rights alone do not tell of a disk that is mounted read-only.
+    // Tried, not queried: rights alone do not show a disk that is mounted read-only.
     let trial = dir.join(format!(".hydroline-trial-{}", std::process::id()));
     let made = std::fs::OpenOptions::new()
         .write(true)
@@ -40,7 +40,7 @@ pub fn writable_folder(dir: &Path) -> Result<(), String> {
 const COMPRESSED_BYTES_PER_PX: f64 = 0.5;
 
 /// Bytes of one frame \[byte\], at most: as it comes from the camera, since what compression saves
-/// is not promised. What a format takes is V4L2's; a compressed one has no size of its own.
+/// is not guaranteed. What a format takes is V4L2's; a compressed one has no size of its own.
 pub fn bytes_per_frame(camera: &Camera) -> f64 {
     if camera.pixel_format.is_compressed() {
         let pixels = f64::from(camera.width_px) * f64::from(camera.height_px);
@@ -62,7 +62,7 @@ mod tests {
     use hydroline_rigs::{BayerDepth, BayerOrder, PixelFormat};
 
     #[test]
-    fn a_folder_that_takes_no_log_is_told_with_the_cure() {
+    fn a_folder_that_takes_no_log_is_reported_with_the_cure() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(writable_folder(dir.path()), Ok(()));
         let missing = writable_folder(&dir.path().join("nowhere")).unwrap_err();

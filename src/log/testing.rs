@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::messages::{pb, timestamp};
+use super::output::LogOutput;
 use super::settings::PartOpener;
-use super::sink::LogSink;
 
 pub use hydroline_core::synthetic::{T0_NS, grey_frame};
 
@@ -43,7 +43,7 @@ pub struct MemoryDisk {
     pub stall: Arc<Mutex<Option<Duration>>>,
 }
 
-pub struct MemorySink {
+pub struct MemoryOutput {
     disk: MemoryDisk,
     index: usize,
 }
@@ -52,11 +52,11 @@ impl MemoryDisk {
     pub fn opener(&self) -> Box<dyn PartOpener> {
         let disk = self.clone();
         Box::new(
-            move |part: u32| -> io::Result<(Box<dyn LogSink>, PathBuf)> {
+            move |part: u32| -> io::Result<(Box<dyn LogOutput>, PathBuf)> {
                 let mut state = disk.state.lock().unwrap();
                 state.files.push(Vec::new());
                 state.claimed.push(0);
-                let sink = MemorySink {
+                let sink = MemoryOutput {
                     disk: disk.clone(),
                     index: part as usize,
                 };
@@ -73,7 +73,7 @@ impl MemoryDisk {
     }
 }
 
-impl Write for MemorySink {
+impl Write for MemoryOutput {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         let stall = self.disk.stall.lock().unwrap().take();
         if let Some(stall) = stall {
@@ -99,7 +99,7 @@ impl Write for MemorySink {
     }
 }
 
-impl LogSink for MemorySink {
+impl LogOutput for MemoryOutput {
     fn sync(&mut self) -> io::Result<()> {
         self.disk.state.lock().unwrap().syncs += 1;
         Ok(())

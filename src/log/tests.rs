@@ -360,7 +360,7 @@ fn examined(entries: &[Entry], summary: &SummaryInput) -> doctor::Diagnosis {
 #[test]
 fn a_loss_that_was_taken_back_leaves_a_log_sound() {
     let done = SummaryInput::clean("done");
-    let told = |lost, of_frame: f64| {
+    let reported = |lost, of_frame: f64| {
         let mut late = grey_frame(1, 16, 8);
         late.meta.lost_before.time_gap = lost;
         let gap = Event::new(T0_NS, Severity::Error, &kind::CAMERA_GAP, "lost")
@@ -380,7 +380,7 @@ fn a_loss_that_was_taken_back_leaves_a_log_sound() {
             &done,
         )
     };
-    let (all, half, another) = (told(1, 1.0), told(2, 1.0), told(1, 2.0));
+    let (all, half, another) = (reported(1, 1.0), reported(2, 1.0), reported(1, 2.0));
     assert!(all.sound, "{all}");
     // What is taken back of one frame says nothing of another.
     assert!(!another.sound, "{another}");
@@ -468,7 +468,7 @@ fn the_doctor_checks_the_ledger_the_gaps_and_the_clocks() {
 }
 
 #[test]
-fn a_writer_that_panics_is_told_at_once_and_the_queue_stops_growing() {
+fn a_writer_that_panics_is_reported_at_once_and_the_queue_stops_growing() {
     let disk = MemoryDisk::default();
     let log = Recorder::start(disk.opener(), head(), live(), Arc::new(SystemClock)).unwrap();
     let head_bytes = disk.file(0).len() as u64;

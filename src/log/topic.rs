@@ -168,7 +168,7 @@ fn own_descriptors() -> &'static FileDescriptorSet {
 }
 
 /// The file that declares `message`, the files it imports (transitively), imports first.
-/// Comments are left out: viewers do not read them and they would triple the size.
+/// Comments are omitted: viewers do not read them and they would triple the size.
 fn restricted_to(set: &FileDescriptorSet, message: &str) -> FileDescriptorSet {
     let declares = |f: &prost_types::FileDescriptorProto| {
         f.message_type

@@ -8,11 +8,11 @@ use std::io;
 use std::path::PathBuf;
 
 use super::LogError;
-use super::account::{Counts, LogOutcome, Misplaced, SummaryInput, summary_map};
 use super::entry::Entry;
+use super::loss_account::{Counts, LogOutcome, Misplaced, SummaryInput, summary_map};
+use super::output::NameLost;
 use super::part::{Fault, PartFile};
 use super::settings::{Head, PartOpener, WriteSettings};
-use super::sink::NameLost;
 use super::topic::Topic;
 use hydroline_core::event::{Event, Severity, kind};
 

@@ -10,7 +10,7 @@
 //! | [`pitch_rad`] (Eq. 5) | η of the floor line | H constant, φ = 0 |
 //! | [`yaw_rad`] (Eq. 6) | ψ_S from the hexagon's flanks | θ = φ = 0 |
 //!
-//! Heights enter where the paper's figures leave them out: a point on a top of height h lies at
+//! Heights enter, which the paper's figures neglect: a point on an upper face of height h lies at
 //! range h_centre − η below the CG, whatever the floor does.
 
 mod chain;
@@ -31,9 +31,9 @@ pub enum EstimatorFault {
         /// A, B, C or D.
         point: char,
     },
-    /// The stripe is turned although roll is taken as still.
+    /// The stripe is rotated although roll is taken as zero.
     #[error(
-        "the stripe is turned by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)"
+        "the stripe is rotated by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)"
     )]
     Rolled {
         /// Which estimator.
@@ -67,7 +67,7 @@ pub enum EstimatorFault {
     },
 }
 
-/// Roll beyond which the estimators that take it as zero say so \[rad\].
+/// Roll beyond which the estimators that take it as zero report a fault \[rad\].
 const ROLL_ALLOWED_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 
 /// A value and its standard deviation.
@@ -135,7 +135,7 @@ pub fn pitch_rad(
     }
     let theta = cos.acos() - mounts.l_laser_m.atan2(below_m);
     // Differentiating Eq. 5: cos θ dη = −((h_centre − η) sin θ + l_laser cos θ) dθ. Nose down, the
-    // bracket goes to zero: there heave and pitch cannot be told apart (paper, Figs 12 and 13).
+    // bracket goes to zero: there heave and pitch are not identifiable (paper, Figs 12 and 13).
     let gain = below_m * theta.sin() + mounts.l_laser_m * theta.cos();
     Ok(Estimate {
         value: theta,

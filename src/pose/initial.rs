@@ -1,10 +1,10 @@
 //! First guesses of the pose: where on the target the measured steps can be.
 //!
-//! z and φ follow from the lines at θ = 0. x, y and ψ put every step on an edge of its own top;
+//! z and φ follow from the lines at θ = 0. x, y and ψ put every step on an edge of its own upper face;
 //! from a grid of starts all such places are found, mirror images and repetitions included. The
 //! grid lies fixed on the target, so a guess does not depend on the hint that picks it.
 
-use super::outline::{Edge, Outline, Surfaces, Top};
+use super::outline::{Edge, Outline, Surfaces, UpperFace};
 use super::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
@@ -29,7 +29,7 @@ const JOINED: f64 = 0.1;
 /// A place where the steps fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guess {
-    /// Pose, with θ = 0 unless tops far apart in height show it.
+    /// Pose, with θ = 0 unless upper faces far apart in height show it.
     pub pose: Pose,
     /// Distance of the steps from the edges they were given to, rms \[m\].
     pub rms_m: f64,
@@ -49,7 +49,7 @@ pub fn level_pose(levels: &Levels, mounts: &Mounts, theta_rad: f64) -> Pose {
 
 /// All places where the steps fit, best first; empty without steps or where fewer than three are seen.
 pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Guess> {
-    let steps = steps_on_tops(levels, surfaces);
+    let steps = steps_on_faces(levels, surfaces);
     if steps.len() < 3 {
         return Vec::new();
     }
@@ -60,10 +60,10 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     let arm = |s: &Step| level * hydroline_calib::frames::plane_to_body(mounts, s.xi_m, s.eta_m);
     let steps: Vec<Seen<'_>> = steps
         .iter()
-        .map(|(step, top)| Seen {
+        .map(|(step, face)| Seen {
             arm: arm(step).xy(),
             to_starboard: step.to_starboard,
-            outline: &top.outline,
+            outline: &face.outline,
         })
         .collect();
     let [first_m, last_m] = surfaces.span_m;
@@ -84,7 +84,7 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
                 let mut both = found.iter().chain(&refused);
                 both.any(|g| joined(&g.pose, p))
             };
-            let Some(guess) = settle(pose, &steps, known) else {
+            let Some(guess) = converge(pose, &steps, known) else {
                 continue;
             };
             if guess.rms_m > MATCH_RMS_M {
@@ -109,17 +109,20 @@ pub fn guesses(levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> Vec<Gue
     found
 }
 
-/// A step as a start with ψ = 0 sees it: the way to it from the CG over the ground, and the top that ends there.
+/// A step as a start with ψ = 0 sees it: the way to it from the CG over the ground, and the upper face that ends there.
 struct Seen<'a> {
     arm: Vector2<f64>,
     to_starboard: bool,
     outline: &'a Outline,
 }
 
-/// The steps with the tops that end there.
-fn steps_on_tops<'a>(levels: &'a Levels, surfaces: &'a Surfaces) -> Vec<(&'a Step, &'a Top)> {
-    let tops = &surfaces.tops;
-    let of = |s: &Step| tops.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6);
+/// The steps with the upper faces that end there.
+fn steps_on_faces<'a>(
+    levels: &'a Levels,
+    surfaces: &'a Surfaces,
+) -> Vec<(&'a Step, &'a UpperFace)> {
+    let faces = &surfaces.faces;
+    let of = |s: &Step| faces.iter().find(|t| (t.height_m - s.upper_m).abs() < 1e-6);
     levels
         .steps
         .iter()
@@ -127,21 +130,21 @@ fn steps_on_tops<'a>(levels: &'a Levels, surfaces: &'a Surfaces) -> Vec<(&'a Ste
         .collect()
 }
 
-/// Whether a start has come to a place that another has settled at: it will settle there too.
+/// Whether a start has come to where another has converged: it will converge there too.
 fn joined(a: &Pose, b: &Pose) -> bool {
     (a.x_m - b.x_m).abs() < JOINED * SAME_M
         && (a.y_m - b.y_m).abs() < JOINED * SAME_M
         && (a.psi_rad - b.psi_rad).abs() < JOINED * SAME_RAD
 }
 
-/// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its top that
+/// Gauss–Newton on (x, y, ψ): every step to distance zero from the nearest edge of its upper face that
 /// ends on the right side. `None` where there is no such place, or a `known` one.
-fn settle(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
+fn converge(mut pose: Pose, steps: &[Seen<'_>], known: impl Fn(&Pose) -> bool) -> Option<Guess> {
     let mut rms_m = f64::INFINITY;
     // Of each step the edge that it was last given to.
     let mut given = [None; STEPS_REMEMBERED];
     for _ in 0..8 {
-        // To starboard of a step the top ends: the inward normal looks to port, −Y turned by ψ.
+        // To starboard of a step the upper face ends: the inward normal looks to port, −Y rotated by ψ.
         let (sin, cos) = pose.psi_rad.sin_cos();
         let mut a = Matrix3::identity() * 1e-9;
         let mut b = Vector3::zeros();
@@ -215,7 +218,7 @@ fn nearest_facing(
     (first < outline.edges.len()).then_some((least, first))
 }
 
-/// Whether the middle of each segment lies on a top of that height.
+/// Whether the middle of each segment lies on an upper face of that height.
 fn agrees(pose: &Pose, levels: &Levels, surfaces: &Surfaces, mounts: &Mounts) -> bool {
     let (mut right, mut all) = (0.0, 0.0);
     let (rotation, position_m) = (pose.body_to_tank_rotation(), pose.position_m());

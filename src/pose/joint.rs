@@ -19,28 +19,28 @@ use hydroline_rigs::{Mounts, Rig};
 use hydroline_stripe::Profile;
 use std::sync::Arc;
 
-mod ahead;
-mod answer;
 mod bound;
 mod camera;
 mod choose;
 mod finish;
+mod lm_loop;
 pub mod refine;
+mod result;
 mod seen;
-mod settle;
 mod solve;
+mod speculative;
 mod starts;
-mod valley;
+mod weak_direction;
 
 pub use super::photometric::OF_RUN;
-pub use ahead::Ahead;
-pub use answer::{JointPose, PoseCaveat, PoseFault};
 pub use bound::Light;
-pub use camera::{Beforehand, CameraResponse, ResponseSeen};
+pub use camera::{CameraResponse, ResponsePrior, ResponseSeen};
 use refine::Sheet;
+pub use result::{JointPose, PoseCaveat, PoseFault};
 pub use seen::LightSeen;
+pub use speculative::Speculative;
 use starts::Starts;
-pub use valley::squared_distance;
+pub use weak_direction::squared_distance;
 
 /// Largest sd of θ with which a frame counts as having shown it \[rad\] (0.6°).
 const THETA_SHOWN_RAD: f64 = 0.01;
@@ -48,9 +48,9 @@ const THETA_SHOWN_RAD: f64 = 0.01;
 /// Edges that leave more than this of the light that they cut are not where the target has them: edges of frames that the
 /// model holds for leave 0.01 to 0.03, those of a pose one edge off 0.1 and more.
 const EDGES_OFF: f64 = 0.06;
-/// Below this other places need not be asked.
+/// Below this other places need not be tried.
 const EDGES_SOUND: f64 = 0.035;
-/// Places on the target that are fitted to the end before it is said that none holds.
+/// Places on the target that are fitted to convergence before all are rejected.
 const PLACES_MOST: usize = 4;
 
 /// From here on the brightest levels of eight bits are clipped, whatever the camera \[grey levels\].
@@ -90,8 +90,8 @@ pub struct PoseFitter {
     sheet: Sheet,
     /// The camera's response; `None`: each frame's own unknown.
     camera: Option<CameraResponse>,
-    /// What is known of it before a frame is looked at.
-    beforehand: Beforehand,
+    /// Its prior.
+    response_prior: ResponsePrior,
     /// Level from which a pixel counts as clipped.
     ceiling: u8,
 }
@@ -105,7 +105,7 @@ impl PoseFitter {
         let table = Arc::new(SheetTable::new(map.as_ref(), &rig.camera, &rig.mounts));
         let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad);
         let stated = rig.camera.response.as_ref();
-        let beforehand = Beforehand::of_rig(stated);
+        let response_prior = ResponsePrior::of_rig(stated);
         let ceiling = stated.and_then(|s| s.ceiling_levels);
         PoseFitter {
             bare: Arc::new(model.bare()),
@@ -115,8 +115,8 @@ impl PoseFitter {
             heights_m,
             thickness_m: rig.laser.sigma_m,
             sheet: Sheet::AS_THE_RIG,
-            camera: Some(beforehand.of_gaussian_line()),
-            beforehand,
+            camera: Some(response_prior.of_gaussian_line()),
+            response_prior,
             ceiling: ceiling.unwrap_or(CEILING).min(CEILING),
         }
     }
@@ -129,7 +129,7 @@ impl PoseFitter {
         }
     }
 
-    /// The same with the camera's response each frame's own unknown: each then says what it knows of it.
+    /// The same with the camera's response each frame's own unknown: each then gives its own estimate of it.
     pub fn with_response_open(&self) -> PoseFitter {
         PoseFitter {
             camera: None,
@@ -137,9 +137,9 @@ impl PoseFitter {
         }
     }
 
-    /// What is known of the camera's response before a frame is looked at, and the level from which on it clips light.
-    pub fn beforehand(&self) -> (&Beforehand, u8) {
-        (&self.beforehand, self.ceiling)
+    /// The prior of the camera's response, and the level from which on it clips light.
+    pub fn response_prior(&self) -> (&ResponsePrior, u8) {
+        (&self.response_prior, self.ceiling)
     }
 
     /// The map from image to laser plane.
@@ -183,7 +183,7 @@ impl PoseFitter {
     /// The pose of a frame.
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
+    /// [`PoseFault`]: why there is none.
     pub fn fit(
         &self,
         image: &GreyImage,
@@ -197,7 +197,7 @@ impl PoseFitter {
     /// The pose of a frame whose stripe is already sorted.
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
+    /// [`PoseFault`]: why there is none.
     pub fn fit_levels(
         &self,
         image: &GreyImage,
@@ -265,7 +265,7 @@ impl PoseFitter {
         free: [bool; PARAMETERS],
         caveats: &[PoseCaveat],
     ) -> Result<(State, JointPose), PoseFault> {
-        let mut fault = PoseFault::Unsettled;
+        let mut fault = PoseFault::NotConverged;
         let mut best: Option<(State, JointPose)> = None;
         for (k, state) in states.iter().take(PLACES_MOST).enumerate() {
             let fitted = match self.finish(
@@ -286,13 +286,13 @@ impl PoseFitter {
             };
             if best
                 .as_ref()
-                .is_none_or(|(_, b)| fitted.edge_doubt < b.edge_doubt)
+                .is_none_or(|(_, b)| fitted.edge_model_error < b.edge_model_error)
             {
                 best = Some((*state, fitted));
             }
             if best
                 .as_ref()
-                .is_some_and(|(_, b)| b.edge_doubt < EDGES_SOUND)
+                .is_some_and(|(_, b)| b.edge_model_error < EDGES_SOUND)
             {
                 break;
             }
@@ -305,7 +305,7 @@ impl PoseFitter {
     fn response(&self, ceiling: u8) -> Response {
         let known = self
             .camera
-            .map_or(self.beforehand.curve(), |c| [c.mean[0], c.mean[1]]);
+            .map_or(self.response_prior.curve(), |c| [c.mean[0], c.mean[1]]);
         Response::new(known, ceiling)
     }
 
@@ -320,7 +320,7 @@ impl PoseFitter {
 
 /// The same, with the caveat where its edges are not where the target has them.
 fn edges_held(mut fitted: JointPose) -> JointPose {
-    if fitted.edge_doubt >= EDGES_OFF {
+    if fitted.edge_model_error >= EDGES_OFF {
         fitted.caveats.push(PoseCaveat::EdgesOff);
     }
     fitted

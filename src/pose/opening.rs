@@ -8,7 +8,7 @@ use hydroline_stripe::Profile;
 /// How long an opening is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Frames with a pose over the target that are put together. One tells ln γ to 0.05–0.25, eight to 0.02–0.1; more of
+    /// Frames with a pose over the target that are put together. One determines ln γ to 0.05–0.25, eight to 0.02–0.1; more of
     /// them, all from the same place at rest, go below what the model itself leaves.
     pub frames: usize,
     /// Frames looked at, at most: where fewer than three of them show the target the response stays unknown.
@@ -61,28 +61,32 @@ impl Opening {
         self.seen.len() >= self.options.frames || self.looked_at >= self.options.looked_at_max
     }
 
-    /// Frames that say something of the response.
+    /// Frames that give an estimate of the response.
     pub fn frames(&self) -> usize {
         self.seen.len()
     }
 
-    /// What they say under what the rig states; `None` where they are too few and it states nothing.
+    /// Their pooled estimate under what the rig states; `None` where they are too few and it states nothing.
     pub fn response(&self) -> Option<CameraResponse> {
-        let (beforehand, _) = self.run.fitter().beforehand();
-        let found = CameraResponse::of_opening_knowing(&self.seen, beforehand);
-        found.or_else(|| beforehand.is_stated().then(|| beforehand.response()))
+        let (response_prior, _) = self.run.fitter().response_prior();
+        let found = CameraResponse::of_opening_with_prior(&self.seen, response_prior);
+        found.or_else(|| {
+            response_prior
+                .is_stated()
+                .then(|| response_prior.response())
+        })
     }
 
-    /// Where the rig states ln γ: what the frames alone say of it, and its sd.
+    /// Where the rig states ln γ: its estimate from the frames alone, and its sd.
     pub fn alone(&self) -> Option<[f64; 2]> {
-        let (beforehand, _) = self.run.fitter().beforehand();
-        let stated = beforehand.is_stated();
-        stated.then(|| CameraResponse::of_frames_alone(&self.seen, beforehand))?
+        let (response_prior, _) = self.run.fitter().response_prior();
+        let stated = response_prior.is_stated();
+        stated.then(|| CameraResponse::of_frames_alone(&self.seen, response_prior))?
     }
 
     /// Whether the rig states the camera's response.
     pub fn is_stated(&self) -> bool {
-        self.run.fitter().beforehand().0.is_stated()
+        self.run.fitter().response_prior().0.is_stated()
     }
 
     /// The run as it goes on from here.

@@ -1,4 +1,4 @@
-//! The target as the stripe meets it: flat tops with straight edges, in the tank frame.
+//! The target as the stripe meets it: flat upper faces with straight edges, in the tank frame.
 
 use hydroline_calib::map::Region;
 use hydroline_rigs::{Slab, SlabOutline, Target};
@@ -135,9 +135,9 @@ impl Outline {
     }
 }
 
-/// A flat top.
+/// A flat upper face.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Top {
+pub struct UpperFace {
     /// Height above the floor \[m\].
     pub height_m: f64,
     /// Brightness against the floor's.
@@ -149,8 +149,8 @@ pub struct Top {
 /// Floor and target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surfaces {
-    /// Tops, highest first; the floor (height 0, everywhere) is not among them.
-    pub tops: Vec<Top>,
+    /// Upper faces, highest first; the floor (height 0, everywhere) is not among them.
+    pub faces: Vec<UpperFace>,
     /// Distance along X after which the target looks the same \[m\]; `None` where it never does.
     pub period_m: Option<f64>,
     /// Where the target lies along X: least and greatest \[m\].
@@ -162,17 +162,17 @@ impl Surfaces {
     pub fn new(target: Option<&Target>) -> Self {
         let Some(target) = target else {
             return Surfaces {
-                tops: Vec::new(),
+                faces: Vec::new(),
                 period_m: None,
                 span_m: [0.0; 2],
             };
         };
         let [ox, oy, heading] = target.origin;
         let (sin, cos) = heading.sin_cos();
-        let mut tops: Vec<Top> = target
+        let mut faces: Vec<UpperFace> = target
             .slabs
             .iter()
-            .map(|slab| Top {
+            .map(|slab| UpperFace {
                 height_m: slab.top_m,
                 albedo: slab.albedo,
                 outline: Outline::new(
@@ -183,9 +183,10 @@ impl Surfaces {
                 ),
             })
             .collect();
-        tops.sort_by(|a, b| b.height_m.total_cmp(&a.height_m));
+        faces.sort_by(|a, b| b.height_m.total_cmp(&a.height_m));
         let xs = || {
-            tops.iter()
+            faces
+                .iter()
                 .flat_map(|t| t.outline.edges.iter().map(|e| e.from_m[0]))
         };
         let span_m = [
@@ -199,7 +200,7 @@ impl Surfaces {
             _ => None,
         });
         Surfaces {
-            tops,
+            faces,
             period_m,
             span_m,
         }
@@ -208,7 +209,7 @@ impl Surfaces {
     /// The heights that occur, floor first \[m\].
     pub fn heights_m(&self) -> Vec<f64> {
         let mut heights: Vec<f64> = std::iter::once(0.0)
-            .chain(self.tops.iter().map(|t| t.height_m))
+            .chain(self.faces.iter().map(|t| t.height_m))
             .collect();
         heights.sort_by(f64::total_cmp);
         heights.dedup_by(|a, b| (*a - *b).abs() < 1e-6);
@@ -217,7 +218,7 @@ impl Surfaces {
 
     /// Height of the surface at a place \[m\].
     pub fn height_at_m(&self, p: [f64; 2]) -> f64 {
-        self.tops
+        self.faces
             .iter()
             .find(|t| t.outline.contains(p))
             .map_or(0.0, |t| t.height_m)
@@ -265,7 +266,7 @@ mod tests {
     #[test]
     fn a_line_is_as_far_from_an_edge_as_its_nearest_point() {
         let s = Surfaces::new(Some(&hexagon_target()));
-        let e = &s.tops[0].outline.edges[3];
+        let e = &s.faces[0].outline.edges[3];
         let at =
             |t: f64, off: f64| [0, 1].map(|i| e.from_m[i] + t * e.along[i] + off * e.inward[i]);
         for (a, b) in [
@@ -296,7 +297,7 @@ mod tests {
         assert_eq!(s.height_at_m([0.5 * pitch, 0.121]), 0.02);
         assert_eq!(s.height_at_m([pitch, 0.061]), 0.02);
         assert_eq!(s.height_at_m([pitch, 0.151]), 0.0);
-        let hexagons = &s.tops[0].outline;
+        let hexagons = &s.faces[0].outline;
         let concave = hexagons.edges.iter().filter(|e| !e.convex_at_start).count();
         assert_eq!(concave, 10, "five joints, two sides");
         for e in &hexagons.edges {

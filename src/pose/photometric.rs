@@ -1,8 +1,8 @@
 //! The grey levels along the stripe as a closed form of the pose, with derivatives.
 //!
-//! A pixel's ray meets the top at height h at the body point e + t d (e = camera, d = from it to
+//! A pixel's ray meets the upper face at height h at the body point e + t d (e = camera, d = from it to
 //! the pixel's sheet point, t = 1 in the sheet), s = (l_laser − e_x)(t − 1) before the sheet. It
-//! is lit by A exp(−s²/2σ²) where that point lies on the top and in sight. Under a Gaussian point
+//! is lit by A exp(−s²/2σ²) where that point lies on the upper face and in sight. Under a Gaussian point
 //! spread (blur and the pixel's own box, variance b² per axis) s and the distance e from an edge
 //! are jointly normal about their values at the pixel's centre, so that with S² = σ² + b²|∇s|²
 //!
@@ -13,44 +13,44 @@
 //! (δz = l δθ, δx = −H δθ) are those of the image and not of a lattice.
 
 mod across;
-mod bulk;
-mod doubts;
+mod edge_model_error;
+mod edge_strips;
 mod flicker;
 mod grid;
+mod interior_strips;
 mod lanes;
 mod lighting;
-mod passing;
 mod picture;
 mod plan;
+mod pose_geometry;
 mod response;
 mod sums;
-mod torn;
-mod turned;
+mod visibility;
 
 pub(crate) use across::ACROSS;
-pub use across::Left;
-pub(super) use doubts::Doubts;
+pub use across::LineResiduals;
+pub(super) use edge_model_error::EdgeModelError;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{Curve, Sums, Weighting};
+pub(super) use sums::{RunParameters, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
 use super::sheet::SheetTable;
 use across::Across;
+use edge_strips::{Scratch, lit};
 use grid::Grid;
 use hydroline_calib::Pose;
 use lighting::Cell;
 pub(crate) use lighting::{PRIOR_SD, line_range};
 pub use lighting::{UNEVEN, Uneven};
 use nalgebra::{SMatrix, SVector};
-use passing::{Doubt, Look};
 use plan::{Strip, groups};
+use pose_geometry::{PoseGeometry, Ray};
 use std::sync::Arc;
-use sums::{Counter, Torn};
-use torn::{Scratch, lit};
-use turned::{Ray, Turned};
+use sums::{Counter, EdgeLight};
+use visibility::{PixelContext, Sensitivity};
 
 /// x, y, z, φ, θ, ψ, brightness, thickness, background, tone, black, and what the line has [`across`]: what moves a pixel's
 /// level.
@@ -64,9 +64,9 @@ pub(super) const BACKGROUND: usize = 8;
 pub(super) const TONE: usize = 9;
 /// Its black level \[grey levels\].
 pub(super) const BLACK: usize = 10;
-/// The first of what the line has across it.
+/// The first of the line's transverse profile.
 pub(super) const LINE: usize = 11;
-/// What is the run's and not a frame's: the camera's response and what the line has across it.
+/// Number of the parameters that all frames of a run share: the camera's response and the line's transverse profile.
 pub const OF_RUN: usize = LOCAL - TONE;
 
 /// Light of less than exp(−this) of the line's, 5 standard deviations off, is none.
@@ -90,7 +90,7 @@ pub(super) struct State {
     pub tone: f64,
     /// Grey level of no light at all.
     pub black: f64,
-    /// What the line has across it: cₙ of [`across`].
+    /// The line's transverse profile: cₙ of [`across`].
     pub across: [f64; ACROSS],
     /// How brightness and background change over the image: coefficients of [`lighting`].
     pub uneven: Uneven,
@@ -130,7 +130,7 @@ pub(super) struct Photometric {
     /// Variance of point spread and pixel box per axis \[px²\].
     spread_px2: f64,
     tan_half_fan: f64,
-    /// How edges look where the blur is formed on the pixel grid.
+    /// Edge response where the blur is formed on the pixel grid.
     grid: Arc<Grid>,
 }
 
@@ -180,11 +180,11 @@ impl Photometric {
     }
 
     fn height(&self, level: usize) -> f64 {
-        self.surfaces.tops.get(level).map_or(0.0, |t| t.height_m)
+        self.surfaces.faces.get(level).map_or(0.0, |t| t.height_m)
     }
 
     fn albedo(&self, level: usize) -> f64 {
-        self.surfaces.tops.get(level).map_or(1.0, |t| t.albedo)
+        self.surfaces.faces.get(level).map_or(1.0, |t| t.albedo)
     }
 
     /// Compares a frame with a state.
@@ -194,29 +194,29 @@ impl Photometric {
         picture: &Picture<'_>,
         state: &State,
         weighting: &Weighting,
-        doubts: &mut Doubts,
+        model_error: &mut EdgeModelError,
         derivatives: bool,
     ) -> Sums {
-        let turned = Turned::new(&state.pose, &self.surfaces);
+        let geometry = PoseGeometry::new(&state.pose, &self.surfaces);
         let mut counter = Counter::new(weighting, Tables::get(), state);
         let one_cell = weighting.even && picture.uneven.is_none();
-        counter.grid_share = doubts.grid_share;
-        let grid_share = doubts.grid_share;
+        counter.grid_share = model_error.grid_share;
+        let grid_share = model_error.grid_share;
         counter.uneven = picture.lit(&weighting.response);
         let pixels = picture.pixels;
-        let mut doubted = doubts.of_pixels.iter();
+        let mut downweighted = model_error.of_pixels.iter();
         let mut found = Vec::new();
-        let first = doubts.known() && doubts.of_pixels.is_empty();
+        let first = model_error.known() && model_error.of_pixels.is_empty();
         let mut share = None;
         // Of one pixel after the other.
-        let mut doubt_sd = |doubt: &Doubt, share: Option<f64>| match share {
+        let mut model_error_sd = |sensitivity: &Sensitivity, share: Option<f64>| match share {
             Some(share) => {
-                let edge = share * doubt.edge;
-                let sd = (edge * edge + doubt.corner * doubt.corner).sqrt() as f32;
+                let edge = share * sensitivity.edge;
+                let sd = (edge * edge + sensitivity.corner * sensitivity.corner).sqrt() as f32;
                 found.push(sd);
                 f64::from(sd)
             }
-            None => doubted.next().map_or(0.0, |sd| f64::from(*sd)),
+            None => downweighted.next().map_or(0.0, |sd| f64::from(*sd)),
         };
         let mut scratch = Scratch::default();
         for strips in groups(&plan.strips) {
@@ -232,17 +232,17 @@ impl Photometric {
             };
             counter.strips(strips, cut);
             if let ([strip], false) = (strips, cut) {
-                self.compare_bulk(&turned, strip, pixels, state, derivatives, &mut counter);
+                self.compare_interior(&geometry, strip, pixels, state, derivatives, &mut counter);
                 continue;
             }
             if let Some(name) = strips.iter().find_map(|s| plan.edge(s)) {
                 counter.at_edge(name);
-                share = doubts.of(name).filter(|_| first);
+                share = model_error.of(name).filter(|_| first);
             }
             if strips.iter().all(|s| s.simple) {
-                let of_pixel = |doubt: &Doubt| doubt_sd(doubt, share);
+                let of_pixel = |sensitivity: &Sensitivity| model_error_sd(sensitivity, share);
                 let all = (
-                    &turned,
+                    &geometry,
                     plan,
                     strips,
                     pixels,
@@ -250,25 +250,25 @@ impl Photometric {
                     derivatives,
                     grid_share,
                 );
-                if counter.asked() != Curve::Known {
-                    self.compare_torn::<true>(all, &mut counter, &mut scratch, of_pixel);
+                if counter.run_parameters() != RunParameters::Known {
+                    self.compare_edge_strips::<true>(all, &mut counter, &mut scratch, of_pixel);
                 } else {
-                    self.compare_torn::<false>(all, &mut counter, &mut scratch, of_pixel);
+                    self.compare_edge_strips::<false>(all, &mut counter, &mut scratch, of_pixel);
                 }
                 continue;
             }
-            let of_run = derivatives && counter.asked() != Curve::Known;
+            let of_run = derivatives && counter.run_parameters() != RunParameters::Known;
             self.each_row(
-                &turned,
+                &geometry,
                 plan,
                 state,
                 strips,
                 grid_share,
                 of_run,
                 |row, light| {
-                    let doubt_sd = match (cut, &light) {
-                        (true, Some(light)) => doubt_sd(&light.doubt, share),
-                        (true, None) => doubt_sd(&Doubt::default(), share),
+                    let model_error_sd = match (cut, &light) {
+                        (true, Some(light)) => model_error_sd(&light.sensitivity, share),
+                        (true, None) => model_error_sd(&Sensitivity::default(), share),
                         _ => 0.0,
                     };
                     let (Some(light), Some(&grey)) = (
@@ -280,16 +280,17 @@ impl Photometric {
                     };
                     let background = counter.background(state.background, row);
                     let judged = if cut {
-                        let torn = Some(light.doubt.edge).filter(|_| light.doubt.corner < 1.0);
-                        let seen = torn.map(|torn| Torn {
-                            light: torn,
-                            bent: light.bent,
+                        let edge_light =
+                            Some(light.sensitivity.edge).filter(|_| light.sensitivity.corner < 1.0);
+                        let seen = edge_light.map(|edge_light| EdgeLight {
+                            light: edge_light,
+                            by_grid: light.by_grid,
                         });
-                        counter.edge::<true>(grey, light.level, background, seen, doubt_sd)
+                        counter.edge::<true>(grey, light.level, background, seen, model_error_sd)
                     } else {
                         let mut tally = counter.sums.tally;
                         let judged =
-                            counter.bulk::<true>(grey, light.level, background, &mut tally);
+                            counter.interior::<true>(grey, light.level, background, &mut tally);
                         counter.sums.tally = tally;
                         judged
                     };
@@ -309,20 +310,20 @@ impl Photometric {
             );
         }
         if first {
-            doubts.of_pixels = found;
+            model_error.of_pixels = found;
         }
         counter.done()
     }
 
     /// Fisher's information of a frame's pixels about pose and light at a state.
     pub fn information(&self, plan: &Plan, state: &State, noise_sd: f64) -> Square {
-        let turned = Turned::new(&state.pose, &self.surfaces);
+        let geometry = PoseGeometry::new(&state.pose, &self.surfaces);
         let weighting = Weighting {
             noise_sd,
             cut: f64::INFINITY,
             redescending: false,
             response: Response::linear(u8::MAX),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: false,
         };
         let mut counter = Counter::new(&weighting, Tables::get(), state);
@@ -330,8 +331,8 @@ impl Photometric {
             let cell = self.cell(plan, strips);
             counter.enter(&cell);
             let state = &cell.of(state);
-            self.each_row(&turned, plan, state, strips, 0.0, false, |_, light| {
-                let Some(light) = light.filter(|l| l.doubt.corner < 0.1) else {
+            self.each_row(&geometry, plan, state, strips, 0.0, false, |_, light| {
+                let Some(light) = light.filter(|l| l.sensitivity.corner < 0.1) else {
                     return;
                 };
                 let mut j = light.j;
@@ -354,7 +355,7 @@ impl Photometric {
     #[allow(clippy::too_many_arguments)]
     fn each_row(
         &self,
-        turned: &Turned,
+        geometry: &PoseGeometry,
         plan: &Plan,
         state: &State,
         strips: &[Strip],
@@ -370,7 +371,7 @@ impl Photometric {
             .slopes_over(strip.column, strip.first_row, strip.end_row);
         let lit: Vec<[f64; 2]> = strips
             .iter()
-            .map(|strip| self.lit_rows(turned, strip, state))
+            .map(|strip| self.lit_rows(geometry, strip, state))
             .collect();
         for row in strip.first_row..strip.end_row {
             let light = slopes.as_ref().and_then(|slopes| {
@@ -380,8 +381,8 @@ impl Photometric {
                     slopes: slopes.at(row),
                 };
                 let tables = Tables::get();
-                let look = Look {
-                    turned,
+                let context = PixelContext {
+                    geometry,
                     plan,
                     ray: &ray,
                     tables,
@@ -394,14 +395,14 @@ impl Photometric {
                     .iter()
                     .zip(&lit)
                     .filter(|(_, lit)| at >= lit[0] && at <= lit[1]);
-                self.light(&look, state, lit.map(|(strip, _)| strip))
+                self.light(&context, state, lit.map(|(strip, _)| strip))
             });
             then(row, light);
         }
     }
 
     /// First and last row of a strip where its light counts.
-    fn lit_rows(&self, turned: &Turned, strip: &Strip, state: &State) -> [f64; 2] {
+    fn lit_rows(&self, geometry: &PoseGeometry, strip: &Strip, state: &State) -> [f64; 2] {
         let everywhere = [f64::NEG_INFINITY, f64::INFINITY];
         let rows = self
             .table
@@ -411,7 +412,7 @@ impl Photometric {
         };
         let stripe = |row: usize| {
             let hit = self.hit(
-                turned,
+                geometry,
                 &self.ray(strip.column, row),
                 self.height(strip.level),
             )?;
@@ -426,7 +427,7 @@ impl Photometric {
     /// Laser light of one pixel.
     fn light<'a>(
         &self,
-        look: &Look<'_>,
+        context: &PixelContext<'_>,
         state: &State,
         strips: impl Iterator<Item = &'a Strip>,
     ) -> Option<Light> {
@@ -434,7 +435,7 @@ impl Photometric {
         let across = Across::new(&state.across, sigma);
         let mut out = Light::default();
         for strip in strips {
-            let hit = self.hit(look.turned, look.ray, self.height(strip.level))?;
+            let hit = self.hit(context.geometry, context.ray, self.height(strip.level))?;
             let stripe = self.stripe(&hit, state);
             let s = stripe.s;
             let of_total2 = 1.0 / stripe.total2;
@@ -447,29 +448,29 @@ impl Photometric {
             }
             let of_total = of_total2.sqrt();
             let mut by_terms = [0.0; ACROSS];
-            let line = if look.of_run {
+            let line = if context.of_run {
                 across.at_by(s, of_total2, &mut by_terms)
             } else {
                 across.at(s, of_total2)
             };
-            let round = self.albedo(strip.level) * sigma * of_total * look.tables.exp(exponent);
+            let round = self.albedo(strip.level) * sigma * of_total * context.tables.exp(exponent);
             let bare = round * line.light;
             let mut share = 1.0;
             let full = state.brightness * bare;
             if strip.cut() {
-                let passing = self.passing(look, strip, &hit, &stripe);
-                share = passing.share;
-                out.doubt.corner += full * passing.unsure;
+                let visibility = self.visibility(context, strip, &hit, &stripe);
+                share = visibility.share;
+                out.sensitivity.corner += full * visibility.uncertain;
                 if share == 0.0 {
                     continue;
                 }
-                if passing.torn {
-                    out.doubt.edge += full * 4.0 * share * (1.0 - share);
-                    for (k, d) in passing.by_pose.iter().enumerate() {
+                if visibility.cut {
+                    out.sensitivity.edge += full * 4.0 * share * (1.0 - share);
+                    for (k, d) in visibility.by_pose.iter().enumerate() {
                         out.j[k] += full * d;
                     }
-                    out.j[THICKNESS] += full * passing.by_thickness;
-                    out.bent += full * passing.bent;
+                    out.j[THICKNESS] += full * visibility.by_thickness;
+                    out.by_grid += full * visibility.by_grid;
                 }
             }
             let light = full * share;
@@ -482,7 +483,7 @@ impl Photometric {
             out.j[BRIGHTNESS] += bare * share;
             out.j[THICKNESS] += light * (1.0 / sigma - sigma * of_total2 * (1.0 - 2.0 * exponent))
                 + of_line * line.by_sigma;
-            if look.of_run {
+            if context.of_run {
                 for (j, by) in out.j[LINE..].iter_mut().zip(&by_terms) {
                     *j += of_line * by;
                 }
@@ -500,9 +501,9 @@ struct Light {
     /// Derivatives but that by the background.
     j: [f64; LOCAL],
     /// What more of it there would be if all blur were formed on the pixel grid.
-    bent: f64,
-    /// How much of it hangs on edges.
-    doubt: Doubt,
+    by_grid: f64,
+    /// How much of it depends on edges and corners.
+    sensitivity: Sensitivity,
 }
 
 #[cfg(test)]

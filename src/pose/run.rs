@@ -6,7 +6,7 @@
 //! target that does not repeat itself the hint picks the guesses within centimetres: there it holds while the
 //! vehicle is expected that well.
 
-use super::joint::{Ahead, Hint, JointPose, PoseCaveat, PoseFault, PoseFitter};
+use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter, Speculative};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_log::messages::{pb::VehicleMotion, timestamp};
@@ -38,7 +38,7 @@ pub enum RunPose {
     /// A pose fit to be used.
     Good(Box<JointPose>),
     /// A pose that should not be used without looking at its caveats.
-    Doubtful(Box<JointPose>),
+    Flagged(Box<JointPose>),
     /// None.
     None(PoseFault),
 }
@@ -78,21 +78,24 @@ impl PoseRun {
         self.judged(stamp_ns, fit)
     }
 
-    /// Fits a frame that lies ahead, beside others.
-    pub fn ahead(&self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> Ahead {
-        self.fitter.ahead(image, profile, &self.hint(stamp_ns))
+    /// Fits a frame before its turn, in parallel with others.
+    pub fn speculative(&self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> Speculative {
+        self.fitter
+            .speculative(image, profile, &self.hint(stamp_ns))
     }
 
-    /// The pose of a frame that was fitted ahead: the same bits as [`Self::pose`].
-    pub fn pose_ahead(
+    /// The pose of a frame that was fitted speculatively: the same bits as [`Self::pose`].
+    pub fn pose_speculative(
         &mut self,
         stamp_ns: u64,
         image: &GreyImage,
         profile: &Profile,
-        ahead: Ahead,
+        speculative: Speculative,
     ) -> RunPose {
         let hint = self.hint(stamp_ns);
-        let fit = self.fitter.fit_ahead(image, profile, ahead, &hint);
+        let fit = self
+            .fitter
+            .fit_speculative(image, profile, speculative, &hint);
         self.judged(stamp_ns, fit)
     }
 
@@ -104,7 +107,7 @@ impl PoseRun {
         }
     }
 
-    /// Whether a pose may be used, and what it says of the next ones.
+    /// Whether a pose may be used; it is then the hint of the next ones.
     fn judged(&mut self, stamp_ns: u64, fit: Result<JointPose, PoseFault>) -> RunPose {
         let (hint_m, open_m) = self.expected(stamp_ns);
         let mut fit = match fit {
@@ -117,8 +120,8 @@ impl PoseRun {
         {
             fit.caveats.push(PoseCaveat::WhichHexagon);
         }
-        if fit.doubtful() {
-            return RunPose::Doubtful(fit);
+        if fit.is_flagged() {
+            return RunPose::Flagged(fit);
         }
         if fit.measured[0] {
             self.remember(stamp_ns, fit.pose.x_m);

@@ -1,6 +1,6 @@
 //! The stripe sorted into levels, and the points where it steps from one to the next.
 //!
-//! In the laser plane every flat top is a straight line, all parallel (theory/geometry.md, laser plane): at roll φ and
+//! In the laser plane every flat face is a straight line, all parallel (theory/geometry.md, laser plane): at roll φ and
 //! pitch θ the line of height h is η = η₀ + ξ slope + h / (cos θ cos φ). Stretches of the stripe
 //! are given to the heights that the target has; the step between two of them is measured on the
 //! UPPER one, because only its end is the target's edge: the lower one may be hidden behind it.
@@ -10,18 +10,18 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::{Profile, quality};
 
-/// Fewest points of a stretch that may say where the levels lie.
+/// Fewest points of a stretch from which levels are taken.
 const LONG_STRETCH: usize = 10;
 /// A column gap this wide ends a stretch.
 const GAP_COLUMNS: f64 = 4.5;
 /// A step is only measured where both sides meet within this many columns.
 const STEP_GAP_COLUMNS: f64 = 40.0;
-/// Columns hidden behind a top per metre of its height: it hides no more than its own height times
+/// Columns hidden behind an upper face per metre of its height: it hides no more than its own height times
 /// 0.4 of tan 22°, at up to 1.2 columns per millimetre.
 const HIDDEN_COLUMNS_PER_M: f64 = 400.0;
 /// Columns on either side over which the light of an ending stretch is summed.
 const END_REACH: i64 = 10;
-/// Steps closer than this to the fan's or the image's end are the end of the light, not of a top.
+/// Steps closer than this to the fan's or the image's end are the end of the light, not of an upper face.
 const BORDER_COLUMNS: f64 = 6.0;
 
 /// A stripe point in the laser plane.
@@ -54,14 +54,14 @@ pub struct Segment {
     pub xi_m: [f64; 2],
 }
 
-/// Where the stripe steps from a top down to the next lower surface.
+/// Where the stripe steps from an upper face down to the next lower surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// Height of the top that ends \[m\].
+    /// Height of the upper face that ends \[m\].
     pub upper_m: f64,
     /// Height of what follows \[m\].
     pub lower_m: f64,
-    /// The top ends towards greater columns (starboard).
+    /// The upper face ends towards greater columns (starboard).
     pub to_starboard: bool,
     /// Where \[px\].
     pub column_px: f64,
@@ -73,7 +73,7 @@ pub struct Step {
     pub sd_m: f64,
 }
 
-/// What was left out or could not be told.
+/// What was discarded or could not be determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Caveat {
     /// Parts of the stripe on no known height.
@@ -111,7 +111,7 @@ pub struct Levels {
     pub segments: Vec<Segment>,
     /// By column.
     pub steps: Vec<Step>,
-    /// What was left out.
+    /// What was discarded or could not be determined.
     pub caveats: Vec<Caveat>,
 }
 
@@ -140,7 +140,7 @@ pub enum SegmentError {
     },
 }
 
-/// Stripe points of a profile in the laser plane, by column; those off the map are left out.
+/// Stripe points of a profile in the laser plane, by column; those off the map are discarded.
 pub fn plane_points(profile: &Profile, map: &dyn PlaneMap) -> Vec<PlanePoint> {
     let point = |p: &hydroline_stripe::StripePoint| {
         let at = map.to_plane(p.column_px, p.row_px)?;
@@ -425,7 +425,7 @@ fn step(
 ) -> Option<Step> {
     let [left, right] = pair else { return None };
     let gap = points[right.0].column_px - points[left.1 - 1].column_px;
-    // Behind a tall top the camera sees nothing for a while.
+    // Behind a tall slab the camera sees nothing for a while.
     let tall_m = (heights_m[left.2] - heights_m[right.2]).abs();
     if gap > STEP_GAP_COLUMNS + HIDDEN_COLUMNS_PER_M * tall_m {
         return None;
@@ -470,7 +470,7 @@ fn step(
 /// Where the light of a run ends: column, row, sd of the column \[px\].
 ///
 /// Along the run's own line, continued, each column's light is summed with the stripe's profile as
-/// weight; inside the top that sum is its plateau, outside zero, and whatever the fading between
+/// weight; inside the upper face that sum is its plateau, outside zero, and whatever the fading between
 /// them looks like, if it is symmetric the area under it puts the edge where the sheet's middle
 /// meets it. So neither blur nor thickness nor a slanting edge shifts the point.
 fn fading_end(
@@ -533,7 +533,7 @@ fn fading_end(
     let inside: Vec<f64> = (END_REACH..END_REACH + 16)
         .filter_map(|k| light(end - sign * k))
         .collect();
-    // Short tops (a joint seen aslant) have less than that; then what there is.
+    // Short faces (a joint seen aslant) have less than that; then what there is.
     let available = run
         .len()
         .saturating_sub(END_REACH as usize + 2)

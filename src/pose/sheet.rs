@@ -1,4 +1,4 @@
-//! What each pixel sees of the laser sheet, as a table: the map is asked once per pixel, not once per frame.
+//! What each pixel sees of the laser sheet, as a table: the map is evaluated once per pixel, not once per frame.
 
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Camera, Mounts};
@@ -13,9 +13,9 @@ pub struct SheetTable {
     /// Image height \[px\].
     pub height_px: usize,
     /// y and z of the way from the camera to each pixel's sheet point, body frame \[m\], column by
-    /// column (a stripe is looked at along columns); NaN where the map does not answer.
+    /// column (a stripe is looked at along columns); NaN where the map is not defined.
     sights_m: Vec<[f64; 2]>,
-    /// Of each pixel whether the map answers there and beside it.
+    /// Of each pixel whether the map is defined there and beside it.
     sound: Arc<[bool]>,
     /// Camera in the body frame \[m\].
     pub eye_m: Vector3<f64>,
@@ -78,8 +78,8 @@ impl SheetTable {
         table
     }
 
-    /// The same rays seen from a turned body frame in which the sheet stands upright `l_laser_m` ahead.
-    pub(super) fn turned(&self, turn: &Rotation3<f64>, l_laser_m: f64) -> SheetTable {
+    /// The same rays seen from a rotated body frame in which the sheet stands upright `l_laser_m` ahead.
+    pub(super) fn rotated(&self, turn: &Rotation3<f64>, l_laser_m: f64) -> SheetTable {
         let eye_m = turn * self.eye_m;
         let lever_m = l_laser_m - eye_m.x;
         let sights = self.sights_m.iter().map(|[y, z]| {
@@ -131,15 +131,15 @@ impl SheetTable {
         ]
     }
 
-    /// First and last of the rows `first..end` of a column in which the map answers.
+    /// First and last of the rows `first..end` of a column in which the map is defined.
     pub(super) fn sound_rows(&self, column: usize, first: usize, end: usize) -> Option<[usize; 2]> {
         let sound = |row: &usize| self.sound.get(column * self.height_px + row) == Some(&true);
         let from = (first..end).find(sound)?;
         Some([from, (from..end).rev().find(sound)?])
     }
 
-    /// Slopes over the rows `first..end` of a column: they bend by less than 1e-4 over a stripe.
-    /// `None` where the map answers nowhere in them.
+    /// Slopes over the rows `first..end` of a column: their curvature is less than 1e-4 over a stripe.
+    /// `None` where the map is defined nowhere in them.
     pub(super) fn slopes_over(&self, column: usize, first: usize, end: usize) -> Option<Slopes> {
         let [from, to] = self.sound_rows(column, first, end)?;
         let (at_first, at_last) = (self.slopes(column, from), self.slopes(column, to));

@@ -29,7 +29,7 @@ pub(crate) const STATES: usize = 19;
 /// Place of ν.
 pub(crate) const RATES: usize = 6;
 /// Place of d.
-pub(crate) const PUSHES: usize = 12;
+pub(crate) const ACCELERATIONS: usize = 12;
 /// Place of σ, in units of [`THICKNESS_UNIT_M`].
 pub(crate) const THICKNESS: usize = 18;
 /// The state holds the thickness in tenths of a millimetre, so that all variances are of one kind.
@@ -70,9 +70,9 @@ pub struct Run {
     /// Its sd \[m\].
     pub thickness_sd_m: f64,
     /// Strength of the unknown accelerations' walk per DOF: sd gained in one second \[m/s², rad/s²\].
-    pub push_per_root_s: [f64; 6],
+    pub walk_sd_per_root_s: [f64; 6],
     /// Frames whose pose disagreed with its neighbours and counted less.
-    pub doubted: usize,
+    pub downweighted: usize,
     /// Squared innovation per measured number, mean over the run: 1 where covariances are honest.
     pub chi2: f64,
 }
@@ -112,9 +112,9 @@ pub enum SmoothError {
     },
     /// Numbers left their range.
     #[error(
-        "frame {frame}: the smoothing went astray (not finite); check [vehicle] in the rig, or replay without --smooth"
+        "frame {frame}: the smoother diverged (not finite); check [vehicle] in the rig, or replay without --smooth"
     )]
-    Astray {
+    Diverged {
         /// Index.
         frame: usize,
     },
@@ -126,9 +126,9 @@ pub enum SmoothError {
 /// [`SmoothError`].
 pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, SmoothError> {
     check(frames)?;
-    let push = tune::most_likely(frames, dynamics)?;
-    let passed = filter::forwards(frames, dynamics, &push, true)?;
-    let smoothed = filter::backwards(&passed)?;
+    let walk_sd = tune::most_likely(frames, dynamics)?;
+    let filtered = filter::forwards(frames, dynamics, &walk_sd, true)?;
+    let smoothed = filter::backwards(&filtered)?;
     let shown: [bool; 6] = std::array::from_fn(|i| {
         frames
             .iter()
@@ -156,9 +156,9 @@ pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, Smoo
             .map(|(x, _)| x[THICKNESS] * THICKNESS_UNIT_M),
         thickness_sd_m: last.map_or(0.0, |(_, p)| p[(THICKNESS, THICKNESS)].sqrt())
             * THICKNESS_UNIT_M,
-        push_per_root_s: push,
-        doubted: passed.doubted,
-        chi2: passed.chi2,
+        walk_sd_per_root_s: walk_sd,
+        downweighted: filtered.downweighted,
+        chi2: filtered.chi2,
     })
 }
 

@@ -254,10 +254,10 @@ impl Eye {
                 Some(*fit)
             }
             // Which hexagon it is moves x by whole hexagons and nothing else.
-            RunPose::Doubtful(fit) if self.dof != Dof::Surge && only_which_hexagon(&fit) => {
+            RunPose::Flagged(fit) if self.dof != Dof::Surge && only_which_hexagon(&fit) => {
                 Some(*fit)
             }
-            RunPose::Doubtful(_) | RunPose::None(_) => None,
+            RunPose::Flagged(_) | RunPose::None(_) => None,
         };
         let fix = self
             .chain

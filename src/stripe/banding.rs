@@ -2,7 +2,7 @@
 //! or darker, by the same in all columns.
 //!
 //! A row's level is read where the stripe is elsewhere: the median over blocks of columns, each
-//! against its own mean, so that lamps and gradients across the frame say nothing. A flat stripe
+//! against its own mean, so that lamps and gradients across the frame do not matter. A flat stripe
 //! covers its rows in all columns; there the waves found on either side are all one can know, and
 //! what they leave unexplained beside it goes into the rows' sd. Haze is level with a flat stripe
 //! too, but ends at it: its shape and a slope are fitted with every wave, so that the one is not
@@ -20,7 +20,7 @@ const BLOCK_COLUMNS: usize = 16;
 const REACH_ROWS: usize = 140;
 /// Least share of the blocks that a row's level needs.
 const MIN_SHARE: f64 = 0.25;
-/// Fewest rows that tell of waves.
+/// Fewest rows for an estimate of waves.
 const MIN_ROWS: usize = 60;
 /// Row levels farther than this from the middle one are lamps' bars, not flicker \[grey levels\].
 const MAX_LEVEL: f64 = 15.0;
@@ -233,7 +233,7 @@ fn row_levels(
         for (line, level) in light.chunks_exact(count.max(1)).zip(&levels) {
             let level = if level.is_nan() { 0.0 } else { *level };
             for (sum, value) in sums.iter_mut().zip(line) {
-                // Rows on which a lamp's bar lies tell nothing of a block.
+                // Rows on which a lamp's bar lies have no information of a block.
                 if !value.is_nan() && level.abs() < MAX_LEVEL as f32 {
                     *sum = (sum.0 + value - level, sum.1 + 1.0);
                 }
@@ -532,10 +532,12 @@ impl Banding {
             const GOLDEN: f64 = 0.618_033_988_749_895;
             const PLASTIC: f64 = 0.754_877_666_246_693;
             let mut dither = (row as f64 * PLASTIC).fract();
-            let top = f64::from(ceiling.saturating_sub(1));
+            let brightest_level = f64::from(ceiling.saturating_sub(1));
             for pixel in line {
                 if *pixel < ceiling {
-                    *pixel = (f64::from(*pixel) - level + dither).floor().clamp(0.0, top) as u8;
+                    *pixel = (f64::from(*pixel) - level + dither)
+                        .floor()
+                        .clamp(0.0, brightest_level) as u8;
                 }
                 dither += GOLDEN;
                 if dither >= 1.0 {

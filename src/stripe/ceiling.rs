@@ -1,10 +1,10 @@
-//! The level at which this camera clips, where that lies below the top of eight bits: limited
+//! The level at which this camera clips, where that lies below the maximum of eight bits: limited
 //! range (235, 240), a gain, a look-up table.
 //!
 //! Light that varies with noise thins out towards its brightest values. Clipped light does not:
 //! it piles up at one level with nothing above. The brightest pixel of each column on a candidate
-//! tells one from the other; where noise is too small to tell, the flanks do, which say how
-//! bright the cut-off top would have been (`trace`).
+//! distinguishes the two; where noise is too small for that, the flanks do, which imply how
+//! bright the clipped peak would have been (`trace`).
 
 use hydroline_core::frame::GreyImage;
 
@@ -28,11 +28,11 @@ const PLAIN_RATIO: f64 = 2.0;
 pub(super) struct Pile {
     /// The level \[grey levels\].
     pub level: u8,
-    /// Whether noise cannot explain it; else the flanks are to be asked.
+    /// Whether noise cannot explain it; else the flanks are to be examined.
     pub certain: bool,
 }
 
-/// The pile at the top of the brightest pixels of these candidates `(column, row)`, if there is one.
+/// The pile at the maximum of the brightest pixels of these candidates `(column, row)`, if there is one.
 pub(super) fn pile(
     image: &GreyImage,
     candidates: impl Iterator<Item = (usize, f32)>,
@@ -42,29 +42,32 @@ pub(super) fn pile(
     for (column, row_px) in candidates.step_by(STEP) {
         histogram[usize::from(brightest(image, column, row_px))] += 1;
     }
-    top_pile(&histogram, noise_sd)
+    ceiling_pile(&histogram, noise_sd)
 }
 
 /// Brightest pixel of a candidate \[grey levels\].
 pub(super) fn brightest(image: &GreyImage, column: usize, row_px: f32) -> u8 {
     let middle = (row_px + 0.5).max(0.0) as usize;
     let mut place = middle.saturating_sub(REACH_ROWS) * image.width_px + column;
-    let mut top = 0;
+    let mut brightest_level = 0;
     for _ in 0..2 * REACH_ROWS + 1 {
-        top = top.max(image.pixels.get(place).copied().unwrap_or(0));
+        brightest_level = brightest_level.max(image.pixels.get(place).copied().unwrap_or(0));
         place += image.width_px;
     }
-    top
+    brightest_level
 }
 
-fn top_pile(histogram: &[u32; 256], noise_sd: f64) -> Option<Pile> {
-    let top = histogram.iter().rposition(|n| *n > 0)?;
+fn ceiling_pile(histogram: &[u32; 256], noise_sd: f64) -> Option<Pile> {
+    let brightest_level = histogram.iter().rposition(|n| *n > 0)?;
     let count = |i: Option<usize>| i.and_then(|i| histogram.get(i)).copied().unwrap_or(0);
-    let (here, below) = (histogram[top], count(top.checked_sub(1)));
+    let (here, below) = (
+        histogram[brightest_level],
+        count(brightest_level.checked_sub(1)),
+    );
     if here < MIN_PILE {
         return None;
     }
-    let level = u8::try_from(top).unwrap_or(u8::MAX);
+    let level = u8::try_from(brightest_level).unwrap_or(u8::MAX);
     let ratio = f64::from(here) / f64::from(below).max(0.5);
     if noise_sd < MIN_NOISE_SD {
         return Some(Pile {
@@ -84,14 +87,14 @@ fn top_pile(histogram: &[u32; 256], noise_sd: f64) -> Option<Pile> {
 mod tests {
     use super::*;
 
-    /// Brightest pixels of 360 columns as a bell of this middle and noise makes them, cut at `top`.
-    fn bell(middle: f64, noise_sd: f64, top: usize) -> [u32; 256] {
+    /// Brightest pixels of 360 columns as a bell of this middle and noise makes them, cut at `brightest_level`.
+    fn bell(middle: f64, noise_sd: f64, brightest_level: usize) -> [u32; 256] {
         let mut histogram = [0; 256];
         for i in 0..360 {
             // Quantiles of a logistic, near enough to a Gaussian's.
             let p = (f64::from(i) + 0.5) / 360.0;
             let level = middle + 0.55 * noise_sd * (p / (1.0 - p)).ln();
-            histogram[(level.round() as usize).min(top)] += 1;
+            histogram[(level.round() as usize).min(brightest_level)] += 1;
         }
         histogram
     }
@@ -99,11 +102,11 @@ mod tests {
     #[test]
     fn a_bell_is_no_pile_and_a_cut_bell_is() {
         for noise_sd in [1.0, 2.0, 4.0] {
-            assert_eq!(top_pile(&bell(180.0, noise_sd, 255), noise_sd), None);
-            for top in [200, 235, 240] {
-                let cut = bell(top as f64 + 3.0, noise_sd, top);
-                let level = top as u8;
-                let found = top_pile(&cut, noise_sd);
+            assert_eq!(ceiling_pile(&bell(180.0, noise_sd, 255), noise_sd), None);
+            for brightest_level in [200, 235, 240] {
+                let cut = bell(brightest_level as f64 + 3.0, noise_sd, brightest_level);
+                let level = brightest_level as u8;
+                let found = ceiling_pile(&cut, noise_sd);
                 assert_eq!(
                     found,
                     Some(Pile {
@@ -117,7 +120,7 @@ mod tests {
 
     #[test]
     fn without_noise_a_pile_is_a_question() {
-        let found = top_pile(&bell(180.0, 0.1, 255), 0.3);
+        let found = ceiling_pile(&bell(180.0, 0.1, 255), 0.3);
         assert!(matches!(found, Some(Pile { certain: false, .. })));
     }
 }

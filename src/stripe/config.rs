@@ -1,4 +1,4 @@
-//! What the extractor can be told; the defaults suit the paper's rig and most cameras.
+//! Settings of the extractor; the defaults suit the paper's rig and most cameras.
 
 /// Which way the stripe runs through the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -92,7 +92,7 @@ impl Extractor {
     }
 
     /// Extracts the stripe where it lay in an earlier frame: the points of [`Self::extract`],
-    /// sooner. Where that cannot be promised — the band is of another image size, fewer than
+    /// sooner. Where that cannot be guaranteed — the band is of another image size, fewer than
     /// 90 % of its points are found again, or a point lies within 24 px of its border — the
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
     /// that lies outside the band as a whole and would win over the one inside is not seen. Bands are

@@ -14,7 +14,7 @@ const MAX_ITERATIONS: usize = 6;
 /// Farthest apart that rows of neighbouring columns are read together \[px\].
 const MAX_SPREAD_PX: f64 = 8.0;
 
-/// What one column says.
+/// One column's estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// Centre \[px\].
@@ -63,7 +63,7 @@ pub(super) struct Known<'a> {
     pub haze: Option<(&'a HazeShape, f32)>,
     /// Width of the neighbourhood; used for clipped columns only.
     pub width: Option<WidthPrior>,
-    /// The fit is to be repeated: a rough one will do where columns are clipped.
+    /// The fit is to be repeated: a coarse one will do where columns are clipped.
     pub first: bool,
 }
 
@@ -346,19 +346,23 @@ pub(super) fn edges(window: &Window, row_px: f64, saturation: u8) -> Option<(f64
         ((near + 5.0).max(2.0) as usize).min(y.len().checked_sub(1)?),
     );
     let smooth = |k: usize| y[k - 1] + 2.0 * y[k] + y[k + 1];
-    let top = (from..to).max_by(|a, b| smooth(*a).total_cmp(&smooth(*b)))?;
+    let peak_index = (from..to).max_by(|a, b| smooth(*a).total_cmp(&smooth(*b)))?;
     let outer = (y.len() / 8).max(1);
     let ends = |s: &[f32]| s.iter().sum::<f32>() / s.len().max(1) as f32;
     let floor = ends(&y[..outer]).min(ends(&y[y.len() - outer..]));
-    let clipped = y[top] >= saturation;
-    let height = if clipped { y[top] } else { 0.25 * smooth(top) } - floor;
+    let clipped = y[peak_index] >= saturation;
+    let height = if clipped {
+        y[peak_index]
+    } else {
+        0.25 * smooth(peak_index)
+    } - floor;
     let half_width = |fraction: f32| -> Option<(f64, f64)> {
         let level = floor + fraction * height;
-        let up = crossing(y[..=top].iter().rev(), level)?;
-        let down = crossing(y[top..].iter(), level)?;
+        let up = crossing(y[..=peak_index].iter().rev(), level)?;
+        let down = crossing(y[peak_index..].iter(), level)?;
         Some((
             0.5 * (up + down),
-            0.5 * (down - up) + top as f64 + window.start() as f64,
+            0.5 * (down - up) + peak_index as f64 + window.start() as f64,
         ))
     };
     // A Gaussian is at half height at 1.1774 sigma; a clipped one has no height to halve, so

@@ -2,7 +2,7 @@
 //! side of the stripe only (theory/noise.md, rows of the stripe; effect `backscatter_haze`).
 //!
 //! `light = fraction * peak * exp(-d / length)`, d = distance beyond the stripe on that side.
-//! One column cannot tell it from the stripe's own shift; all columns together can, from the
+//! One column cannot distinguish it from the stripe's own shift; all columns together can, from the
 //! pixels outside the stripe: their mean, aligned on the stripe, is fitted with a constant, a
 //! slope (uneven light) and the haze, on either side and with several lengths.
 
@@ -35,7 +35,7 @@ const MIN_FRACTION: f64 = 0.002;
 /// Variance of the groups' light over that of noise from which the rows are looked at: chance makes
 /// 1.14 at three sds.
 const RESTLESS: f64 = 1.25;
-/// Groups that tell; of fewer, other lines stand everywhere, which may be bands.
+/// Fewest groups for an estimate; of fewer, other lines stand everywhere, which may be bands.
 const MIN_GROUPS: usize = 3;
 /// Smallest such variance that is looked into: waves of 0.3 grey levels.
 const MIN_RESTLESS: f64 = 0.05;

@@ -146,12 +146,12 @@ impl Extractor {
                     None => fit::brightest(&window, row_px),
                 };
                 if let Some(fit) = fit::fit(&window, kernel, start, known) {
-                    let top = f64::from(ceiling).max(1.0);
-                    let over = (fit.peak / (MAX_OVER_CEILING * top)).max(1.0);
+                    let ceiling_level = f64::from(ceiling).max(1.0);
+                    let over = (fit.peak / (MAX_OVER_CEILING * ceiling_level)).max(1.0);
                     let unexplained = (fit.variance - noise_sd * noise_sd).max(0.0).sqrt();
                     fitted.push(fit.sigma_px * over);
-                    peaks.push(fit.peak.min(top));
-                    misfits.push(unexplained / fit.peak.min(top) * over);
+                    peaks.push(fit.peak.min(ceiling_level));
+                    misfits.push(unexplained / fit.peak.min(ceiling_level) * over);
                 }
             }
             width = median(fitted);

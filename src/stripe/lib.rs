@@ -1,5 +1,5 @@
 //! Sub-pixel extraction of the laser stripe from a grey frame: one point per column (per row,
-//! where the stripe is told to be vertical).
+//! where the stripe is configured to be vertical).
 //!
 //! Way of a frame: `noise` of the frame → `coarse` candidates per column → of several lines
 //! (`chains`) the one that is a stripe (`hypothesis`) → `path` through the columns (dynamic

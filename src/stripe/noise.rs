@@ -11,8 +11,8 @@ const COLUMN_STEP: usize = 4;
 
 /// Standard deviation of the pixel noise, rounding included \[grey levels\].
 ///
-/// Differences of neighbours along rows (blind to a stripe that runs along them and to slow
-/// light), truncated at three of their own sd (blind to edges and particles) and corrected for
+/// Differences of neighbours along rows (insensitive to a stripe that runs along them and to slow
+/// light), truncated at three of their own sd (insensitive to edges and particles) and corrected for
 /// the truncation. A fixed grid of pixels: a function of the image alone, the same in a band.
 pub(super) fn noise_sd(image: &GreyImage) -> f64 {
     let (w, h) = (image.width_px, image.height_px);

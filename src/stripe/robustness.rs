@@ -102,7 +102,7 @@ fn frames_without_a_stripe_say_why() {
 }
 
 #[test]
-fn particles_neither_bend_nor_replace_the_stripe() {
+fn particles_neither_displace_nor_replace_the_stripe() {
     let stripe = StripeImage {
         slope: 0.2,
         row0_px: 200.0,

@@ -2,9 +2,9 @@
 //!
 //! A row's sd comes from what its column's fit leaves, as if every pixel's noise were its own. JPEG,
 //! denoising and demosaicking make neighbours alike: less is left than there is, and the fit moves
-//! with the rest. Then the rows say themselves how far they scatter: by their fourth differences over
+//! with the rest. Then the scatter is estimated from the rows themselves: by their fourth differences over
 //! a stride of eight columns (the side of a JPEG block, inside which errors are common), to which a
-//! smooth course adds nothing to speak of: 0.02 px for 5 px of wobble on 200 columns, next to
+//! smooth course adds nothing to speak of: 0.02 px for 5 px of undulation on 200 columns, next to
 //! 8.4 sd of a row.
 
 use super::{StripePoint, quality};
@@ -31,9 +31,9 @@ const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
 /// A longer stride, and the eighth difference for it.
 const LONG_STRIDE: usize = 24;
 const LONG_WEIGHTS: [f64; 9] = [1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0];
-/// Rows from one column to the next that no stripe climbs.
+/// Rows from one column to the next that no stripe rises.
 const STEEP_ROWS: f64 = 3.0;
-/// Fewest differences that tell: 1 in 8 is independent, which gives the scale to a fifth.
+/// Fewest differences for an estimate: 1 in 8 is independent, which gives the scale to a fifth.
 const MIN_DIFFERENCES: usize = 80;
 /// Differences beyond so many times the middle one are particles and ends of things.
 const OUTLYING: f64 = 5.0;
@@ -75,7 +75,7 @@ fn is_white(image: &GreyImage) -> bool {
     let (mut near, mut far) = ([0u32; 256], [0u32; 256]);
     // The middle of each strip: `noise` starts from the first row.
     for line in lines.skip(step / 2).step_by(step) {
-        // Second differences: blind to light that grows evenly along the row.
+        // Second differences: insensitive to light that grows evenly along the row.
         let strips = line.as_chunks::<STRIDE>().0;
         for ((a, b), c) in strips
             .iter()
@@ -83,8 +83,8 @@ fn is_white(image: &GreyImage) -> bool {
             .zip(strips.iter().skip(2))
         {
             for k in [0, STRIDE / 2] {
-                near[bend(b[k], b[k + 1], b[k + 2])] += 1;
-                far[bend(a[k], b[k], c[k])] += 1;
+                near[second_difference(b[k], b[k + 1], b[k + 2])] += 1;
+                far[second_difference(a[k], b[k], c[k])] += 1;
             }
         }
     }
@@ -92,9 +92,9 @@ fn is_white(image: &GreyImage) -> bool {
     (1.0 / WHITE..WHITE).contains(&ratio)
 }
 
-fn bend(a: u8, b: u8, c: u8) -> usize {
-    let bend = i32::from(a) - 2 * i32::from(b) + i32::from(c);
-    (bend.unsigned_abs() as usize).min(255)
+fn second_difference(a: u8, b: u8, c: u8) -> usize {
+    let second_difference = i32::from(a) - 2 * i32::from(b) + i32::from(c);
+    (second_difference.unsigned_abs() as usize).min(255)
 }
 
 /// Scatter of the rows over their sds; `None` where too few columns stand in a row. The largest
@@ -190,7 +190,7 @@ mod tests {
         let points: Vec<StripePoint> = (0..720)
             .map(|c| StripePoint {
                 column_px: f64::from(c),
-                // Sd 0.02 on a wobbling course.
+                // Sd 0.02 on an undulating course.
                 row_px: 200.0 + 4.0 * (f64::from(c) / 40.0).sin() + 0.02 * 12f64.sqrt() * uniform(),
                 peak: 100.0,
                 sd_px: 0.01,

@@ -27,7 +27,7 @@ const CLIPPED_PEAK: f64 = 400.0;
 /// Distance from which another line leaves the surroundings of the stripe alone \[px\].
 const FAR_PX: f64 = 80.0;
 /// By how much of the ceiling, and by how many sds, the flanks must rise above it where the pile
-/// alone proves nothing: a lens bends a Gaussian's flanks by a hundredth.
+/// alone proves nothing: a lens distorts a Gaussian's flanks by a hundredth.
 const CEILING_EXCESS: f64 = 0.02;
 const CEILING_SIGNIFICANCE: f64 = 4.0;
 
@@ -140,7 +140,7 @@ impl Extractor {
         self.first_width(image, chosen, window)
     }
 
-    /// Whether the flanks of columns that reach the ceiling tell of light above it.
+    /// Whether the flanks of columns that reach the ceiling imply light above it.
     fn flanks_rise_above(
         &mut self,
         image: &GreyImage,
@@ -149,19 +149,19 @@ impl Extractor {
         noise_sd: f64,
         window: &mut Window,
     ) -> bool {
-        let top = self.ceiling;
+        let ceiling = self.ceiling;
         let index = self.kernels.index(width_px);
         let kernel = self.kernels.get(index);
         let known = Known {
             width: Some(width_prior(
                 width_px,
                 noise_sd,
-                f64::from(top),
+                f64::from(ceiling),
                 FIRST_WIDTH_SD,
             )),
-            ..Known::clipping_at(top)
+            ..Known::clipping_at(ceiling)
         };
-        let reach = |place: &&(usize, f32)| ceiling::brightest(image, place.0, place.1) >= top;
+        let reach = |place: &&(usize, f32)| ceiling::brightest(image, place.0, place.1) >= ceiling;
         let every = places
             .iter()
             .filter(reach)
@@ -172,12 +172,12 @@ impl Extractor {
         for &(column, row_px) in places.iter().filter(reach).step_by(every) {
             let row_px = f64::from(row_px);
             window.load(image, column, row_px, fit::rows_needed(kernel));
-            let start = fit::edges(window, row_px, top).map_or(row_px, |(centre, _)| centre);
+            let start = fit::edges(window, row_px, ceiling).map_or(row_px, |(centre, _)| centre);
             if let Some(fit) = fit::fit(window, kernel, start, known) {
-                // What the flanks say of the pixel nearest to the centre.
+                // Extrapolated from the flanks to the pixel nearest to the centre.
                 let nearest = fit.row_px.round() - fit.row_px;
                 let light = fit.background + fit.peak * profile(nearest, fit.sigma_px)[0];
-                let above = light - f64::from(top);
+                let above = light - f64::from(ceiling);
                 excess = (excess.0 + 1.0, excess.1 + above, excess.2 + above * above);
             }
         }
@@ -187,7 +187,7 @@ impl Extractor {
         }
         let mean = sum / count;
         let error = ((square / count - mean * mean).max(0.0) / count).sqrt();
-        mean > CEILING_EXCESS * f64::from(top) && mean > CEILING_SIGNIFICANCE * error
+        mean > CEILING_EXCESS * f64::from(ceiling) && mean > CEILING_SIGNIFICANCE * error
     }
 
     /// Median width over a sample of columns, from the stripe's edges \[px\].
@@ -324,7 +324,7 @@ impl Extractor {
         let mut windows = [(); COLUMNS_AHEAD].map(|()| Window::new());
         let mut kept = 0;
         let tolerance_px = WIDTH_TOLERANCE * first_sigma_px;
-        // With nothing new to tell it, a second fit would only repeat the first.
+        // With nothing new known, a second fit would only repeat the first.
         let again = |track: &Track, pooled: &[f64; 2]| {
             haze.is_some()
                 || track.fit.saturated

@@ -48,7 +48,7 @@ pub struct Exchange {
 pub enum Added {
     /// Taken into the window.
     Taken,
-    /// The controller's clock restarted or jumped: the window was emptied first. Jump in us, NaN where only the boot id told.
+    /// The controller's clock restarted or jumped: the window was emptied first. Jump in us, NaN where only the boot id shows it.
     Reset {
         /// Measured minus expected controller time \[us\].
         jump_us: f64,

@@ -1,4 +1,4 @@
-//! Low-latency mode of a serial driver: set, read back, and told when there is none.
+//! Low-latency mode of a serial driver: set, read back, and reported when there is none.
 //!
 //! `ASYNC_LOW_LATENCY` (linux/tty_flags.h) makes ftdi_sio set its latency timer to 1 ms instead of 16 ms, and the
 //! 8250 driver push received bytes at once. The FTDI timer is also a sysfs file, `latency_timer`. A stamp that is
@@ -171,18 +171,18 @@ mod tests {
     }
 
     #[test]
-    fn a_long_latency_timer_is_shortened_or_told() {
+    fn a_long_latency_timer_is_shortened_or_reported() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("latency_timer");
         std::fs::write(&file, "16\n").unwrap();
         assert_eq!(latency_timer(&file), Some(1));
         assert_eq!(latency_timer(&dir.path().join("absent")), None);
-        let told = LowLatency {
+        let reported = LowLatency {
             flag: FlagState::Ignored,
             latency_timer_ms: Some(16),
         };
-        assert!(!told.good());
-        assert!(told.to_string().contains("16 ms"));
+        assert!(!reported.good());
+        assert!(reported.to_string().contains("16 ms"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Who is at the other end of the line? Asked without moving anything: no command of [`probe`] changes an output.
 //!
 //! A `stamped` controller is asked for its status, a Maestro for its error register and the positions of the rig's
-//! channels. What does not answer as it should is told apart by what it does answer to:
+//! channels. What does not answer as it should is distinguished by what it does answer to:
 //!
 //! | seen | it is |
 //! |---|---|
@@ -32,7 +32,7 @@ pub struct Answered {
     pub pulses: Vec<ChannelPulse>,
     /// Names of error bits that it reports now.
     pub errors: Vec<&'static str>,
-    /// Its own watchdog \[ms\], where it tells.
+    /// Its own watchdog \[ms\], where it reports it.
     pub watchdog_ms: Option<u16>,
 }
 

@@ -9,7 +9,7 @@ use std::fmt;
 /// Why the thrusters are at neutral.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NeutralReason {
-    /// Not told to run yet, or the plan is over.
+    /// Not started yet, or the plan is over.
     Idle,
     /// Someone asked.
     Request,

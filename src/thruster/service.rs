@@ -1,4 +1,4 @@
-//! The thruster service: one thread that owns the port, and the promise that the thrusters stop.
+//! The thruster service: one thread that owns the port, and the guarantee that the thrusters stop.
 //!
 //! Neutral is sent on [`ThrusterService::shutdown`] and on drop, on a panic inside the service (whatever its sink
 //! does), on a lost link (first thing when it is back; meanwhile the controller's own watchdog has acted: we set that of

@@ -516,14 +516,14 @@ fn standalone_it_comes_back_after_every_lost_connection() {
         } else {
             ServeAt::Connect(path.clone())
         };
-        let (stopped, running) = (stop.clone(), ready.clone());
+        let (stopped, reported) = (stop.clone(), ready.clone());
         let thread = std::thread::spawn(move || {
             let config = ControllerConfig::bench(LinkKind::Maestro);
             run_standalone(
                 config,
                 &at,
                 &stopped,
-                &mut |_| running.store(true, Ordering::Relaxed),
+                &mut |_| reported.store(true, Ordering::Relaxed),
                 Box::new(|_| {}),
             )
         });

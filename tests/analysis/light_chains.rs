@@ -3,7 +3,7 @@
 //! linear camera. The rig that calibrates, replays and identifies knows nothing of any of it.
 //!
 //! Judged are coefficients and how many frames have a pose. Errors of poses are printed, not judged: one calibration's error
-//! moves all poses of a chain alike (a board turned by 0.003° is a roll of ten sds of a frame), clean or not.
+//! moves all poses of a chain alike (a board rotated by 0.003° is a roll of ten sds of a frame), clean or not.
 //!
 //! ```sh
 //! cargo test --workspace --test analysis light_chains -- --ignored --nocapture

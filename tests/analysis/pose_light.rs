@@ -41,7 +41,7 @@ fn response(fitter: &PoseFitter, frames: &[(GreyImage, Pose)]) -> CameraResponse
         };
         let fit = open.fit(image, &extractor.extract(image), &hint);
         if let Ok(fit) = fit
-            && !fit.doubtful()
+            && !fit.is_flagged()
         {
             x_m = Some(fit.pose.x_m);
             seen.extend(fit.response);
@@ -73,7 +73,7 @@ fn no_pose_is_wrong_under_the_independent_light() {
                 ..Hint::default()
             };
             let fit = match fitter.fit(image, &profile, &hint) {
-                Ok(fit) if !fit.doubtful() => fit,
+                Ok(fit) if !fit.is_flagged() => fit,
                 Ok(fit) => {
                     reasons.extend(fit.caveats.iter().map(ToString::to_string));
                     continue;

@@ -118,12 +118,12 @@ fn a_board_is_recorded_until_accepted_and_the_next_run_uses_it_live_and_replayed
 
     // The log tells the way: what was in force, progress, and the accepted one whole.
     let (records, metadata) = read(&log);
-    let planes = plane_messages(&records);
+    let reported = plane_messages(&records);
     assert_eq!(
-        (planes[0].state.as_str(), planes[0].method.as_str()),
+        (reported[0].state.as_str(), reported[0].method.as_str()),
         ("in_force", "eq11-12")
     );
-    let (last, way) = planes[1..].split_last().unwrap();
+    let (last, way) = reported[1..].split_last().unwrap();
     assert!(
         !way.is_empty()
             && way

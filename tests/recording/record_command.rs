@@ -607,7 +607,7 @@ fn between_runs_the_way_to_the_start_is_shown_until_enter() {
     let mut said = Vec::new();
     for line in std::io::BufRead::lines(stderr) {
         let line = line.unwrap();
-        let there = line.contains("at the start: hands off");
+        let there = line.contains("at the start: release");
         said.push(line);
         if there {
             let mut stdin = child.stdin.take().unwrap();

@@ -1,6 +1,6 @@
 //! A disk that stands still now and then, and one that fills up.
 
-use hydroline_log::{FileSink, LogSink, PartOpener};
+use hydroline_log::{FileOutput, LogOutput, PartOpener};
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,9 +22,9 @@ pub struct BadDisk {
 }
 
 impl PartOpener for BadDisk {
-    fn open(&mut self, _part: u32) -> io::Result<(Box<dyn LogSink>, PathBuf)> {
-        let sink = BadSink {
-            file: FileSink::create(&self.path, false)?,
+    fn open(&mut self, _part: u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)> {
+        let sink = BadOutput {
+            file: FileOutput::create(&self.path, false)?,
             every: self.every,
             stall: self.stall,
             last: Instant::now(),
@@ -36,8 +36,8 @@ impl PartOpener for BadDisk {
     }
 }
 
-struct BadSink {
-    file: FileSink,
+struct BadOutput {
+    file: FileOutput,
     every: Duration,
     stall: Duration,
     last: Instant,
@@ -46,7 +46,7 @@ struct BadSink {
     stalls: Arc<AtomicU64>,
 }
 
-impl BadSink {
+impl BadOutput {
     fn stand_still(&mut self) {
         if self.last.elapsed() >= self.every {
             std::thread::sleep(self.stall);
@@ -56,7 +56,7 @@ impl BadSink {
     }
 }
 
-impl Write for BadSink {
+impl Write for BadOutput {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         self.stand_still();
         if self.written_bytes + buf.len() as u64 > self.room_bytes {
@@ -72,7 +72,7 @@ impl Write for BadSink {
     }
 }
 
-impl LogSink for BadSink {
+impl LogOutput for BadOutput {
     fn sync(&mut self) -> io::Result<()> {
         self.stand_still();
         self.file.sync()

@@ -172,7 +172,7 @@ fn pixel_noise_propagates() {
     assert!((p.covariance_m2[(0, 1)] - 0.0025 * j[(0, 1)] * j[(1, 1)]).abs() < 1e-18);
 }
 
-/// A camera ahead of the sheet that looks back at it is the same picture turned round.
+/// A camera ahead of the sheet that looks back at it is the same picture rotated by half a turn.
 #[test]
 fn a_camera_ahead_of_the_sheet_works_too() {
     let rig = moved(-45.0, -0.73, 0.22, 1.0);

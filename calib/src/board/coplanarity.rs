@@ -267,7 +267,7 @@ pub fn measure(
         out[k + 2] = x[2] / 0.035;
         true
     };
-    // The misfit over the offset has more than one valley: begin in the deepest.
+    // The misfit over the offset has more than one minimum: begin in the deepest.
     let mut left = vec![0.0; count + 3];
     let mut start = (f64::INFINITY, 0.0);
     for step in -4..=16 {

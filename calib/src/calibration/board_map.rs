@@ -15,7 +15,7 @@ use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 /// change of the derivatives (a cell is tens of pixels wide).
 const BORDER_PX: f64 = 1e-3;
 
-/// Where the board's middle stood in the sheet, and how it was turned.
+/// Where the board's middle stood in the sheet, and how it was rotated.
 ///
 /// The board says where things are on the board; where the board hangs below the laser
 /// must be measured. An error here shifts everything alike and changes no length.
@@ -56,7 +56,7 @@ pub struct NodeResidual {
     pub deta_m: f64,
 }
 
-/// What a calibration is told beside its nodes.
+/// What a calibration contains beside its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Provenance {
     /// What the light went through.
@@ -95,7 +95,7 @@ impl Calibration {
             .iter()
             .filter_map(|n| {
                 // Not by the pixel: where it falls outside the map's region there is no answer, and
-                // the worst nodes of the border would be left out.
+                // the worst nodes of the border would be discarded.
                 let (column_px, row_px) = map.to_image(n.xi_m, n.eta_m)?;
                 let off = jacobian(Vector2::new(column_px, row_px))?
                     * Vector2::new(n.column_px - column_px, n.row_px - row_px);

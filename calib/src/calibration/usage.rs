@@ -80,7 +80,7 @@ impl Calibration {
     }
 
     /// The same camera and port in another medium, of that index: only a map that knows its port
-    /// (`refractive`) can be told so. `None` for all others.
+    /// (`refractive`) can be converted. `None` for all others.
     pub fn in_medium(&self, medium: Medium, index: Known) -> Option<Calibration> {
         let MapParameters::Refractive(map) = &self.map else {
             return None;

@@ -74,9 +74,9 @@ pub(super) fn find(plane: &Plane, pattern: BoardPattern, limit: usize) -> Vec<Ca
                 response[(r as i64 + dr) as usize * w + (c as i64 + dc) as usize]
             };
             let vertex = |a: f32, b: f32, c: f32| {
-                let bend = a - 2.0 * b + c;
-                if bend < 0.0 {
-                    (0.5 * (a - c) / bend).clamp(-0.5, 0.5)
+                let curvature = a - 2.0 * b + c;
+                if curvature < 0.0 {
+                    (0.5 * (a - c) / curvature).clamp(-0.5, 0.5)
                 } else {
                     0.0
                 }

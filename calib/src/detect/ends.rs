@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use super::image::Grey;
 use crate::map::geometry::apply;
 
-/// Places so many steps beyond the last node tell whether the pattern goes on.
+/// Places so many steps beyond the last node show whether the pattern goes on.
 const NEXT: f64 = 0.6;
 /// Places so many steps inside and outside of the board's edge are compared: clear of the edge's blur
 /// and of what the file's margin is off.

@@ -56,7 +56,7 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
 }
 
 /// Mean misfit over contrast of the better half of a sample that no other blur will mend; a fit that
-/// does not settle counts 1.
+/// does not converge counts 1.
 const HOPELESS: f64 = 0.5;
 
 /// All nodes refined, with the blur that fits them best.
@@ -134,9 +134,9 @@ pub(super) fn fine<'a>(
         && let (Some(a), Some(b), Some(c)) = (tried(k - 1), tried(k), tried(k + 1))
     {
         // Vertex of the parabola over log blur.
-        let bend = a - 2.0 * b + c;
-        if bend > 0.0 {
-            let t = (0.5 * (a - c) / bend).clamp(-0.5, 0.5);
+        let curvature = a - 2.0 * b + c;
+        if curvature > 0.0 {
+            let t = (0.5 * (a - c) / curvature).clamp(-0.5, 0.5);
             refiner.blur_px = trials[k] * 1.37f64.powf(t);
         }
     }
@@ -205,7 +205,7 @@ pub(super) fn drop_thin_borders(nodes: &mut Vec<(Index, Refined)>, wanted: [u32;
 /// have stepped over it by way of a false candidate and numbered what lies behind one too far.
 ///
 /// Nodes that are neighbours are one group; the largest says by its homography where others
-/// must lie, to a quarter of a step: lens and port bend less, a wrong count is a whole one.
+/// must lie, to a quarter of a step: lens and port distort less, a wrong count is a whole one.
 pub(super) fn drop_miscounted(nodes: &mut Vec<(Index, Refined)>) {
     let at: BTreeMap<Index, usize> = nodes.iter().enumerate().map(|(n, k)| (k.0, n)).collect();
     let mut group = vec![usize::MAX; nodes.len()];

@@ -34,14 +34,14 @@ impl Ordered {
         }
         let mut best = (f64::NEG_INFINITY, 0);
         for turns in 0..4 {
-            let (a, b) = mean_steps(&turned(&nodes, turns));
+            let (a, b) = mean_steps(&rotated(&nodes, turns));
             let score = -a[0] / a[0].hypot(a[1]).max(1e-9) - b[1] / b[0].hypot(b[1]).max(1e-9);
             if score > best.0 {
                 best = (score, turns);
             }
         }
         let mut ordered = Ordered {
-            nodes: turned(&nodes, best.1),
+            nodes: rotated(&nodes, best.1),
         };
         ordered.rebase();
         ordered
@@ -133,13 +133,13 @@ pub(super) fn place(
         Some(KeySearch::Seen(turns, shift)) => {
             // A hand may hide a row or two, or half of the board; a board that ends three early both ways,
             // with its edges, is smaller.
-            let turned = if turns % 2 == 0 {
+            let rotated = if turns % 2 == 0 {
                 wanted
             } else {
                 [wanted[1], wanted[0]]
             };
             let smaller = (0..2).all(|axis| {
-                seen[axis] + 3 <= turned[axis] && ends.in_view(axis) && ends.both_edges(axis)
+                seen[axis] + 3 <= rotated[axis] && ends.in_view(axis) && ends.both_edges(axis)
             });
             return if smaller {
                 Err(another)
@@ -191,7 +191,7 @@ pub(super) fn on_lattice(to_image: &Matrix3<f64>, place: [f64; 2]) -> bool {
     at.is_some_and(|k| k.iter().all(|v| (v - v.round()).abs() < NEAR))
 }
 
-/// Index after the frame has turned `turns` quarter turns: what lay along +η of the old
+/// Index after the frame has rotated by `turns` quarter turns: what lay along +η of the old
 /// frame lies along +ξ of the new one.
 pub(crate) fn turn_index([i, j]: Index, turns: usize) -> Index {
     match turns % 4 {
@@ -202,7 +202,7 @@ pub(crate) fn turn_index([i, j]: Index, turns: usize) -> Index {
     }
 }
 
-fn turned(nodes: &HashMap<Index, [f64; 2]>, turns: usize) -> HashMap<Index, [f64; 2]> {
+fn rotated(nodes: &HashMap<Index, [f64; 2]>, turns: usize) -> HashMap<Index, [f64; 2]> {
     nodes
         .iter()
         .map(|(&k, &p)| (turn_index(k, turns), p))

@@ -1,4 +1,4 @@
-//! The key: three discs that say which node is which, and whether the image is mirrored.
+//! The key: three discs that determine which node is which, and whether the image is mirrored.
 
 use std::collections::HashMap;
 
@@ -23,7 +23,7 @@ pub(super) enum KeySearch {
     MirroredOrAside,
     /// Its places are in view, and there is none.
     Absent,
-    /// Nobody can tell.
+    /// Not determined.
     Hidden,
 }
 
@@ -144,11 +144,11 @@ impl Ordered {
             _ => {}
         }
         // No key at all only where all of its places are in view and plain, whichever way the
-        // board is turned; one dark place may be a stain.
+        // board is rotated; one dark place may be a stain.
         let [ni, nj] = self.extent().map(|n| n as i32);
         let absent = (0..4usize).all(|turns| {
-            let turned = if turns % 2 == 0 { [ni, nj] } else { [nj, ni] };
-            if turned != [board.columns as i32, board.rows as i32] {
+            let rotated = if turns % 2 == 0 { [ni, nj] } else { [nj, ni] };
+            if rotated != [board.columns as i32, board.rows as i32] {
                 return true; // a board that does not lie so
             }
             let low = [[0, 0], [ni - 1, 0], [ni - 1, nj - 1], [0, nj - 1]]

@@ -90,7 +90,7 @@ pub enum NotFound {
         /// A board on its side would look the same.
         aside: bool,
     },
-    /// Turned on its side.
+    /// Rotated onto its side.
     #[error(
         "the board lies on its side ({} × {} nodes seen, {} × {} expected); put it upright",
         seen[0], seen[1], wanted[0], wanted[1]

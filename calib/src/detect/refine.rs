@@ -3,7 +3,7 @@
 //! Model: I = o + g_x x + g_y y + c P(x − δ), P the line crossing, dot or chessboard corner
 //! in the local perspective, with a Gaussian blur. δ and its covariance come from one
 //! Gauss–Newton fit of six numbers with Tukey's weights: pixels that a laser line or a
-//! block's edge spoils drop out, and a node that loses too many of them is left out.
+//! block's edge spoils drop out, and a node that loses too many of them is discarded.
 
 use std::convert::Infallible;
 
@@ -56,7 +56,7 @@ pub(super) struct Refiner<'a> {
 
 /// Rounds of a node's fit.
 const ROUNDS: usize = 11;
-/// A fit that still moves by more in a round will hardly settle in those that are left \[px\]: where
+/// A fit that still moves by more in a round will hardly converge in those that are left \[px\]: where
 /// there is no node it wanders to the last round, and such fits were half of the time of a
 /// frame without a board.
 const FARTHEST_STEP_PX: [f64; ROUNDS] = {
@@ -120,7 +120,7 @@ impl Patch<'_> {
             .collect();
         let k = sizes.len() / 2;
         let (_, median, _) = sizes.select_nth_unstable_by(k, f64::total_cmp);
-        // Most of a patch is plain: its median says nothing of the marks' rims, which
+        // Most of a patch is plain: its median is insensitive to the marks' rims, which
         // a start 2 px off makes large. Tolerance goes down as the fit closes in.
         let annealed = 0.2 * theta[3].abs() * 0.4f64.powi(round as i32);
         self.scale = (1.4826 * *median)
@@ -175,7 +175,7 @@ impl LeastSquares<Const<6>> for Patch<'_> {
             &self.m,
             self.refiner.blur_px.hypot(soft),
         );
-        // Before the levels are known nobody can say which of them is light.
+        // Before the levels are known it is not known which of them is light.
         let levels = round > 0;
         let (mut weight_sum, mut square_sum) = (0.0, 0.0);
         let reach = 1.0 / (5.0 * self.scale);
@@ -242,17 +242,17 @@ impl LeastSquares<Const<6>> for Patch<'_> {
     }
 }
 
-/// A node's fit at rest.
-pub(super) struct Settled<'a> {
+/// A node's fit, converged.
+pub(super) struct ConvergedFit<'a> {
     pub theta: Unknowns,
     hessian: SMatrix<f64, 6, 6>,
     pub patch: Patch<'a>,
 }
 
-impl Settled<'_> {
-    /// What of it is told, if it is a node: by its own measure only, others may say more.
+impl ConvergedFit<'_> {
+    /// What is reported of it, if it is a node: by its own measure only, others may know more.
     pub fn refined(&self, start: [f64; 2]) -> Option<Refined> {
-        let Settled { theta, patch, .. } = self;
+        let ConvergedFit { theta, patch, .. } = self;
         let rms = (patch.square_sum / patch.weight_sum).sqrt();
         let inverse = self.hessian.try_inverse()?;
         let covariance = if patch.refiner.tone.is_some() {
@@ -344,16 +344,16 @@ impl Refiner<'_> {
         start: [f64; 2],
         steps: [[f64; 2]; 2],
     ) -> Option<Refined> {
-        self.settle(index, start, steps)?.refined(start)
+        self.converge(index, start, steps)?.refined(start)
     }
 
     /// The fit of one node, if it comes to rest.
-    pub fn settle(
+    pub fn converge(
         &self,
         index: [i32; 2],
         start: [f64; 2],
         steps: [[f64; 2]; 2],
-    ) -> Option<Settled<'_>> {
+    ) -> Option<ConvergedFit<'_>> {
         let ideal = index.map(f64::from);
         let (c, s) = (
             Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
@@ -361,7 +361,7 @@ impl Refiner<'_> {
         );
         let m = c.try_inverse()?;
         // Second order from the global homography, first order from the neighbours.
-        let bend = m * homography_jacobian(&self.to_image, ideal)?;
+        let local_jacobian = m * homography_jacobian(&self.to_image, ideal)?;
         let anchor = apply(&self.to_image, ideal)?;
         let dot_radius = match self.board.pattern {
             BoardPattern::Dots { diameter_m } => 0.5 * diameter_m / self.board.pitch_m,
@@ -394,9 +394,9 @@ impl Refiner<'_> {
                 let (x, y) = (q as f64 - start[0], r as f64 - start[1]);
                 let seen = apply(&self.to_index, [anchor[0] + x, anchor[1] + y])?;
                 let (ds, dt) = (seen[0] - ideal[0], seen[1] - ideal[1]);
-                let u = bend[(0, 0)] * ds + bend[(0, 1)] * dt;
-                let v = bend[(1, 0)] * ds + bend[(1, 1)] * dt;
-                // Of a dot and its surroundings only what lies near the rim says anything.
+                let u = local_jacobian[(0, 0)] * ds + local_jacobian[(0, 1)] * dt;
+                let v = local_jacobian[(1, 0)] * ds + local_jacobian[(1, 1)] * dt;
+                // Of a dot and its surroundings only what lies near the rim has information.
                 let far = dots && {
                     let rho = (u * u + v * v).sqrt().max(1e-9);
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
@@ -425,7 +425,7 @@ impl Refiner<'_> {
         if found.ended != Ended::Step {
             return None;
         }
-        Some(Settled {
+        Some(ConvergedFit {
             theta: found.at,
             hessian: found.normal.hessian,
             patch,

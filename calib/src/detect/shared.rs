@@ -12,7 +12,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::lattice::Index;
 use super::marks::Local;
-use super::refine::{Refined, Refiner, Settled};
+use super::refine::{ConvergedFit, Refined, Refiner};
 use super::tone::{EPSILON_LOG_SD, Tone, USUAL_EPSILON};
 
 /// Node, where it was seen and its local steps.
@@ -42,23 +42,23 @@ pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
     // A line thinner than its blur never shows its dark level: width, contrast, blur and curve look
     // alike there, and crossings are symmetric without any of them.
     if matches!(refiner.board.pattern, BoardPattern::Lines { .. }) {
-        return known(places, &settle(refiner, places));
+        return known(places, &converge(refiner, places));
     }
     let blur_px = refiner.blur_px;
     let mut log = Vector3::new(0.0, USUAL_EPSILON.ln(), blur_px.ln());
     let mut straight_fits = None;
     for round in 0..STEPS {
-        let settled = settle(refiner, places);
-        let step = step(refiner, &settled, &log);
+        let converged = converge(refiner, places);
+        let step = step(refiner, &converged, &log);
         let straight = |(step, sd): &(Vector3<f64>, f64)| {
             step[0].abs() < LEAST_LOG_GAMMA || step[0].abs() < LEAST_SDS * sd
         };
         if round == 0 {
-            let fits = known(places, &settled);
+            let fits = known(places, &converged);
             if step.as_ref().is_none_or(straight) {
                 return fits;
             }
-            straight_fits = Some((unexplained(&settled), fits));
+            straight_fits = Some((unexplained(&converged), fits));
         }
         let Some((step, _)) = step else { break };
         log += step.map(|s| s.clamp(-LONGEST, LONGEST));
@@ -69,13 +69,13 @@ pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
             break;
         }
     }
-    let settled = settle(refiner, places);
-    let left = unexplained(&settled);
-    let fits = known(places, &settled);
+    let converged = converge(refiner, places);
+    let left = unexplained(&converged);
+    let fits = known(places, &converged);
     match straight_fits {
         // Rims that no camera makes pull a curve as well, but none explains them.
         Some((before, straight)) if left >= before || log[0].abs() < LEAST_LOG_GAMMA => {
-            drop(settled);
+            drop(converged);
             refiner.tone = None;
             refiner.blur_px = blur_px;
             straight
@@ -84,22 +84,22 @@ pub(super) fn curve(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
     }
 }
 
-/// Mean share of the contrast that the better half of fits leaves; one that does not settle counts 1.
-fn unexplained(settled: &[Option<Settled<'_>>]) -> f64 {
-    let relative = |s: &Option<Settled<'_>>| s.as_ref().map_or(1.0, |s| s.relative().min(1.0));
-    let mut left: Vec<f64> = settled.iter().map(relative).collect();
+/// Mean share of the contrast that the better half of fits leaves; one that does not converge counts 1.
+fn unexplained(converged: &[Option<ConvergedFit<'_>>]) -> f64 {
+    let relative = |s: &Option<ConvergedFit<'_>>| s.as_ref().map_or(1.0, |s| s.relative().min(1.0));
+    let mut left: Vec<f64> = converged.iter().map(relative).collect();
     left.sort_by(f64::total_cmp);
     let better = &left[..left.len().div_ceil(2)];
     better.iter().sum::<f64>() / better.len().max(1) as f64
 }
 
-fn settle<'a>(refiner: &'a Refiner<'a>, places: &[Place]) -> Vec<Option<Settled<'a>>> {
-    let fit = |&(index, start, steps): &Place| refiner.settle(index, start, steps);
+fn converge<'a>(refiner: &'a Refiner<'a>, places: &[Place]) -> Vec<Option<ConvergedFit<'a>>> {
+    let fit = |&(index, start, steps): &Place| refiner.converge(index, start, steps);
     places.iter().map(fit).collect()
 }
 
-fn known(places: &[Place], settled: &[Option<Settled<'_>>]) -> Known {
-    let pairs = places.iter().zip(settled);
+fn known(places: &[Place], converged: &[Option<ConvergedFit<'_>>]) -> Known {
+    let pairs = places.iter().zip(converged);
     pairs
         .map(|(p, s)| (p.0, s.as_ref().and_then(|s| s.refined(p.1))))
         .collect()
@@ -108,15 +108,15 @@ fn known(places: &[Place], settled: &[Option<Settled<'_>>]) -> Known {
 /// The next step, and the standard deviation of ln γ.
 fn step(
     refiner: &Refiner<'_>,
-    settled: &[Option<Settled<'_>>],
+    converged: &[Option<ConvergedFit<'_>>],
     log: &Vector3<f64>,
 ) -> Option<(Vector3<f64>, f64)> {
-    let settled: Vec<&Settled<'_>> = settled.iter().flatten().collect();
+    let converged: Vec<&ConvergedFit<'_>> = converged.iter().flatten().collect();
     // A hand or a block's edge beside a node is not the camera's curve.
-    let mut left: Vec<f64> = settled.iter().map(|s| s.relative()).collect();
+    let mut left: Vec<f64> = converged.iter().map(|s| s.relative()).collect();
     left.sort_by(f64::total_cmp);
     let most = 2.0 * left.get(left.len() / 2)?;
-    let sound: Vec<_> = settled.iter().filter(|s| s.relative() <= most).collect();
+    let sound: Vec<_> = converged.iter().filter(|s| s.relative() <= most).collect();
     if sound.len() < 3 {
         return None;
     }
@@ -135,7 +135,7 @@ fn step(
 /// One node's normal equations in the three numbers, its own six eliminated.
 fn reduced(
     refiner: &Refiner<'_>,
-    node: &Settled<'_>,
+    node: &ConvergedFit<'_>,
     log: &Vector3<f64>,
 ) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     let m = &node.patch.m;

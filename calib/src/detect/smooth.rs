@@ -106,7 +106,7 @@ impl Smooth {
 /// no such map.
 pub(super) fn drop_strays(nodes: &mut Vec<(Index, Refined)>) -> Option<Smooth> {
     const STRAY_PX: f64 = 0.15;
-    // No lens leaves this much after a cubic: a map that does is bent by false nodes.
+    // No lens leaves this much after a cubic: a map that does is distorted by false nodes.
     const WORST_STRAY_PX: f64 = 1.0;
     let (mut map, off) = Smooth::fit(nodes)?;
     let mut sorted = off.clone();

@@ -231,8 +231,8 @@ fn no_false_node_in_500_images() {
     assert!(wrong.is_empty());
 }
 
-/// Tiles as many as the board has lines, up to the image's border: without a key nobody can
-/// tell them from a board, and a floor has none.
+/// Tiles as many as the board has lines, up to the image's border: without a key they
+/// cannot be distinguished from a board, and a floor has none.
 #[test]
 fn a_floor_of_as_many_tiles_is_no_board() {
     let pixels: Vec<u8> = (0..576 * 720)
@@ -281,7 +281,7 @@ fn the_key_says_which_node_is_which() {
     let found = look(&board, &view, &plain).unwrap();
     assert_eq!(found.orientation, Orientation::UprightAssumed);
     assert!(errors(&found, &view).max_px > 10.0, "the ambiguity is real");
-    // Half of the board only: the key is enough, without it nobody can know.
+    // Half of the board only: the key is enough, without it the nodes are ambiguous.
     let close = View::pinhole([720, 576], 740.0, 0.45, 0.3, 1.57, 0.05);
     let found = look(&board, &close, &Scene::default()).unwrap();
     assert!(found.nodes.len() < 100 && errors(&found, &close).max_px < 0.5);

@@ -1,4 +1,4 @@
-//! PDF: pages at true scale. One unit of the drawing is a millimetre; viewers are told not to scale for the printer.
+//! PDF: pages at true scale. One unit of the drawing is a millimetre; viewers are instructed not to scale for the printer.
 
 use super::tile::Page;
 use super::{Layer, Shape, Sheet};

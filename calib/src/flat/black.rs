@@ -1,7 +1,7 @@
-//! What frames with the lens covered say of the black level.
+//! The black level from frames with the lens covered.
 //!
-//! Noise is there before the curve: where the curve is bent and cuts off what is darker than none, half of the pixels lie
-//! at b itself and the rest above, so that their mean says nothing and their lowest level does. Where light is left as it
+//! Noise is there before the curve: where the curve is nonlinear and cuts off what is darker than none, half of the pixels lie
+//! at b itself and the rest above, so that their lowest level determines b and their mean does not. Where light is left as it
 //! is, the mean is b.
 
 use super::exposure::{Exposure, Field};

@@ -9,7 +9,7 @@ const BLOCK_LEAST_PX: usize = 8;
 /// Levels of grey that share one figure of noise.
 const NOISE_BIN: usize = 4;
 const NOISE_BINS: usize = 256 / NOISE_BIN;
-/// Pixels of a bin that tell its noise.
+/// Fewest pixels of a bin for an estimate of its noise.
 const NOISE_LEAST: f64 = 200.0;
 /// Least pixels at one level that are a pile, and how many times more it has than the two levels beside it together.
 const PILE_LEAST: u64 = 200;
@@ -283,7 +283,7 @@ impl Field {
     }
 
     /// From here on nothing is used.
-    pub fn top(&self) -> f64 {
+    pub fn clip_level(&self) -> f64 {
         f64::from(self.ceiling.unwrap_or(u8::MAX))
     }
 }

@@ -1,7 +1,7 @@
 //! γ: the slope of the exposures' ratios over their times, in logarithms.
 //!
 //! Lamp and exposure clock scatter from exposure to exposure by some share of the light: how much is not known and is
-//! integrated over, as what is left about the line says.
+//! integrated over, by the residuals about the line.
 
 use super::exposure::{Exposure, Field};
 use super::ratios::Ratios;
@@ -24,7 +24,7 @@ pub(super) struct Power {
     pub covariance: Matrix2<f64>,
     /// Scatter of the light of the exposures about their times.
     pub scatter: f64,
-    /// Share by which each exposure is brighter than its time says.
+    /// Share by which each exposure is brighter than by its exposure time.
     pub off_times: Vec<f64>,
 }
 
@@ -126,7 +126,7 @@ pub(super) fn fit(
     })
 }
 
-/// Of each exposure, by what share its light is off what its time says, about the median.
+/// Of each exposure, by what share its light differs from that by its exposure time, about the median.
 fn off_times(
     others: &[usize],
     reference: usize,

@@ -28,12 +28,12 @@ const SETTLED: f64 = 1e-3;
 const CHANGED: f64 = 25.0;
 /// Powers by which cells are chosen: exposures that do not follow their times show none.
 const GATES: [f64; 2] = [0.3, 4.0];
-/// Variance of rounding: it comes after the curve, and is not bent by it.
+/// Variance of rounding: it comes after the curve, and is not distorted by it.
 const ROUNDING: f64 = 1.0 / 12.0;
 /// Share of χ² that a deviation of the curve explains where it is the curve that is off, and not the scene.
 const EXPLAINED: f64 = 0.5;
 
-/// What the levels say.
+/// The estimate from the levels.
 #[derive(Debug, Clone)]
 pub(super) struct Ratios {
     /// b, then ln s of each exposure but the one that the others are counted from.
@@ -70,8 +70,8 @@ impl Curve {
         let sd = |level: f64| field.noise.at(level).sqrt();
         let clear = |level: f64| options.clear_sds * sd(level);
         // Half a level: a mean that rounds to it.
-        let whole =
-            dark - clear(dark) > field.floor + 0.5 && bright + clear(bright) < field.top() - 0.5;
+        let whole = dark - clear(dark) > field.floor + 0.5
+            && bright + clear(bright) < field.clip_level() - 0.5;
         if !whole || dark < ends[0] || bright > ends[1] {
             return None;
         }
@@ -81,9 +81,9 @@ impl Curve {
             return None;
         }
         // E f(L + n) = f(L) + f″ σ² / 2, with σ from the levels' own noise: f′² σ² = v.
-        let bent = (self.gamma - 1.0) / self.gamma;
+        let second_order = (self.gamma - 1.0) / self.gamma;
         let noise = (cell.noise - ROUNDING).max(0.0);
-        Some(cell.mean - 0.5 * bent * noise / (cell.mean - self.black))
+        Some(cell.mean - 0.5 * second_order * noise / (cell.mean - self.black))
     }
 
     fn seen(&self, field: &Field, ends: [f64; 2], options: &Options) -> Vec<Vec<Seen>> {

@@ -93,7 +93,7 @@ fn of_one(
             sum / frames as f64
         })
         .collect();
-    // What is as dark as the darkest has no brightness to tell.
+    // What is as dark as the darkest has no brightness to compare.
     let lowest = exposure.histogram.iter().position(|n| *n > 0).unwrap_or(0) as f64;
     let lit: Vec<f64> = means
         .iter()

@@ -18,8 +18,8 @@ struct Camera {
     shot_gain: f64,
     /// Toe of sRGB: light below this share is a straight line.
     toe: f64,
-    /// S-curve: grey levels by which the middle is bent.
-    bend: f64,
+    /// S-curve: grey levels by which the middle is shifted.
+    s_curve: f64,
 }
 
 impl Camera {
@@ -31,12 +31,12 @@ impl Camera {
             read_sd: rng.random_range(0.5..2.5),
             shot_gain: rng.random_range(0.0..0.05),
             toe: 0.0,
-            bend: 0.0,
+            s_curve: 0.0,
         }
     }
 
     /// The sensor's own end, or that of the levels.
-    fn top(&self) -> f64 {
+    fn clip_level(&self) -> f64 {
         (self.black + 255.0).min(self.ceiling).round()
     }
 
@@ -52,8 +52,8 @@ impl Camera {
         } else {
             255.0 * power(share)
         };
-        let bent = curved + self.bend * (std::f64::consts::TAU * curved / 255.0).sin();
-        (self.black + bent)
+        let nonlinear = curved + self.s_curve * (std::f64::consts::TAU * curved / 255.0).sin();
+        (self.black + nonlinear)
             .min(self.ceiling)
             .round()
             .clamp(0.0, 255.0) as u8
@@ -160,7 +160,7 @@ const PLAIN: Camera = Camera {
     read_sd: 1.5,
     shot_gain: 0.01,
     toe: 0.0,
-    bend: 0.0,
+    s_curve: 0.0,
 };
 
 /// Errors of γ and b in sds, of so many cameras.
@@ -194,12 +194,12 @@ fn pulls(cameras: u64, trouble: &Trouble) -> (Vec<[f64; 2]>, Vec<String>) {
                 );
                 if flat
                     .ceiling_levels
-                    .is_some_and(|c| f64::from(c) != camera.top())
+                    .is_some_and(|c| f64::from(c) != camera.clip_level())
                 {
                     wrong.push(format!(
                         "{k}: ceiling {:?}, {}",
                         flat.ceiling_levels,
-                        camera.top()
+                        camera.clip_level()
                     ));
                 }
                 all.push(pull);
@@ -300,8 +300,11 @@ fn a_toe_is_left_out_and_said_and_an_s_curve_is_refused() {
     println!("{flat:?}");
     let off = (flat.gamma[0] - srgb.gamma) / flat.gamma[1];
     assert!(off.abs() < 4.0, "{off}: {flat:?}");
-    let bent = Camera { bend: 6.0, ..PLAIN };
-    let error = found(&bent, &Trouble::default(), 5).unwrap_err();
+    let nonlinear = Camera {
+        s_curve: 6.0,
+        ..PLAIN
+    };
+    let error = found(&nonlinear, &Trouble::default(), 5).unwrap_err();
     assert!(matches!(error, FlatError::NoPower { .. }), "{error}");
     assert!(error.to_string().contains("grey levels rms"), "{error}");
 }
@@ -309,12 +312,15 @@ fn a_toe_is_left_out_and_said_and_an_s_curve_is_refused() {
 #[test]
 fn a_curve_that_is_nearly_a_power_widens_what_is_known() {
     let steady = found(&PLAIN, &Trouble::default(), 5).unwrap();
-    let bent = Camera { bend: 0.3, ..PLAIN };
-    let flat = found(&bent, &Trouble::default(), 5).unwrap();
+    let nonlinear = Camera {
+        s_curve: 0.3,
+        ..PLAIN
+    };
+    let flat = found(&nonlinear, &Trouble::default(), 5).unwrap();
     println!("{steady:?}\n{flat:?}");
     assert!(flat.gamma[1] > 2.0 * steady.gamma[1], "{flat:?}");
     assert!(
-        ((flat.gamma[0] - bent.gamma) / flat.gamma[1]).abs() < 4.0,
+        ((flat.gamma[0] - nonlinear.gamma) / flat.gamma[1]).abs() < 4.0,
         "{flat:?}"
     );
 }
@@ -377,7 +383,7 @@ fn what_is_not_a_series_of_a_still_scene_is_refused_with_the_next_step() {
         println!("{trouble:?}: {error}");
         assert!(error.to_string().contains(words), "{trouble:?}: {error}");
     }
-    // A fish before the lens of one exposure is left out.
+    // A fish before the lens of one exposure is discarded.
     let fish = Trouble {
         covered: 0.08,
         ..Trouble::default()
@@ -469,7 +475,7 @@ fn what_is_stated_is_a_table_that_a_rig_reads() {
 }
 
 #[test]
-fn a_straight_camera_that_cuts_off_dark_noise_is_not_bent_by_it() {
+fn a_linear_camera_that_cuts_off_dark_noise_is_not_biased_by_it() {
     // Seed 65 of the 200: the lowest levels are no pile, and their means are those of cut-off noise.
     let mut rng = StdRng::seed_from_u64(0xf1a7 + 65);
     let camera = Camera::drawn(&mut rng);

@@ -48,7 +48,7 @@ pub struct GridMap {
     rectify: Matrix3<f64>,
     unrectify: Matrix3<f64>,
     /// Along ξ the image runs down rather than across: column and row change places.
-    turned: bool,
+    transposed: bool,
     body: Body,
 }
 
@@ -135,10 +135,10 @@ impl GridMap {
             _ => Matrix3::identity(),
         };
         let unrectify = rectify.try_inverse().ok_or(MapError::Degenerate)?;
-        // Rectified coordinates are those of the plane: never turned.
+        // Rectified coordinates are those of the plane: never transposed.
         let middle = pairs[pairs.len() / 2].0;
         let j = homography_jacobian(&to_plane, middle).ok_or(MapError::Degenerate)?;
-        let turned = kind != GridKind::RectifiedGraticule && j[(0, 0)].abs() < j[(0, 1)].abs();
+        let transposed = kind != GridKind::RectifiedGraticule && j[(0, 0)].abs() < j[(0, 1)].abs();
         let seen: Option<Vec<Node>> = nodes
             .iter()
             .map(|n| {
@@ -147,7 +147,7 @@ impl GridMap {
                 let j = homography_jacobian(&rectify, p)?;
                 let c = j * n.covariance_px2 * j.transpose();
                 let mut seen = *n;
-                (seen.column_px, seen.row_px, seen.covariance_px2) = if turned {
+                (seen.column_px, seen.row_px, seen.covariance_px2) = if transposed {
                     (
                         q[1],
                         q[0],
@@ -175,7 +175,7 @@ impl GridMap {
             },
             rectify,
             unrectify,
-            turned,
+            transposed,
             body,
         })
     }
@@ -192,7 +192,7 @@ impl GridMap {
 
     fn inner(&self, column_px: f64, row_px: f64) -> Option<[f64; 2]> {
         let q = apply(&self.rectify, [column_px, row_px])?;
-        Some(if self.turned { [q[1], q[0]] } else { q })
+        Some(if self.transposed { [q[1], q[0]] } else { q })
     }
 
     /// See [`super::FittedMap::to_plane`].
@@ -213,7 +213,7 @@ impl GridMap {
             Body::Lines(lines) => lines.to_image(xi_m, eta_m),
             Body::Cells(cells) => cells.to_image(xi_m, eta_m),
         }?;
-        let p = if self.turned { [v, u] } else { [u, v] };
+        let p = if self.transposed { [v, u] } else { [u, v] };
         // Like every inverse homography, up to its sign.
         let q = apply(&self.unrectify, p).or_else(|| apply(&-self.unrectify, p))?;
         Some((q[0], q[1]))

@@ -1,7 +1,7 @@
 //! One homography, Brown's lens distortion with a free centre, and a flat port's share.
 //!
 //! Everything measured lies on the sheet, so a map from plane to plane needs no single
-//! viewpoint: the bend of a flat port is absorbed by the distortion terms and one more
+//! viewpoint: a flat port's refraction is absorbed by the distortion terms and one more
 //! ([`lens`]) to 0.01 mm (see [`crate::study`]). How many of them are used is decided by the
 //! nodes themselves ([`fitting`]).
 
@@ -17,7 +17,7 @@ use crate::plane::{ImageSize, PlanePoint};
 use fitting::Pair;
 use lens::PARAMETERS;
 
-/// What the model leaves of a flat port's bend, standard deviation \[px\]: 0.002 px rms on exact
+/// What the model leaves of a flat port's refraction, standard deviation \[px\]: 0.002 px rms on exact
 /// nodes of the study's rig, more behind a tilted port. It does not average out
 /// over nodes, so it stands beside the parameters' covariance.
 const MODEL_SD_PX: f64 = 0.005;
@@ -44,7 +44,7 @@ pub struct HomographyMap {
 
 impl HomographyMap {
     /// Fits homography and distortion to the nodes; outliers weigh less (Huber, 5 σ: what is
-    /// left of a port's bend at the corners is no outlier).
+    /// left of a port's refraction at the corners is no outlier).
     ///
     /// # Errors
     /// [`MapError::TooFewNodes`], [`MapError::Degenerate`] or [`MapError::Fit`].

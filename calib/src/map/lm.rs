@@ -58,10 +58,10 @@ const RANK: f64 = 1e-13;
 
 /// How the fits of this crate search.
 ///
-/// Cameras and lenses have curved valleys (a shifted centre looks like a decentred lens, a focal length like a
+/// Cameras and lenses have curved, weakly observable directions (a shifted centre looks like a decentred lens, a focal length like a
 /// distance): a rejected step was only a little too long, so damping rises slowly (4), and it falls fast (0.05)
 /// because every step costs derivatives of some hundred nodes. Twice in a row a gain of a millionth of χ², that
-/// no statistics would notice, ends the search: a valley of parameters that the data hardly tell apart has no other
+/// no statistics would notice, ends the search: along such a direction the search has no other
 /// end.
 pub(crate) const SEARCH: Options = Options {
     damping: Some(Damping {

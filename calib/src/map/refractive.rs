@@ -1,4 +1,4 @@
-//! A camera behind a flat port: rays bent twice by Snell's law on their way to the sheet.
+//! A camera behind a flat port: rays refracted twice by Snell's law on their way to the sheet.
 //!
 //! For the case that the water changes between calibration and use: the fit separates
 //! what belongs to lens and port from the water's index, and the same map can then be
@@ -83,8 +83,9 @@ pub struct RefractiveMap {
     n_glass: f64,
     /// √(χ²/dof), at least 1.
     pub noise_scale: f64,
-    /// Sheet to image, roughly: where the inverse starts to search.
-    rough: [[f64; 3]; 3],
+    /// Sheet to image, without refraction: where the inverse starts to search.
+    #[serde(rename = "rough")]
+    sheet_to_image: [[f64; 3]; 3],
     region: Region,
     #[serde(with = "rows")]
     covariance: DMatrix<f64>,
@@ -107,9 +108,10 @@ impl RefractiveMap {
             .iter()
             .map(|n| ([n.xi_m, n.eta_m], [n.column_px, n.row_px]))
             .collect();
-        let rough = homography(&pairs).ok_or(MapError::Degenerate)?;
+        let sheet_to_image = homography(&pairs).ok_or(MapError::Degenerate)?;
         let mut start = [0.0; PARAMETERS];
-        start[..6].copy_from_slice(&start_pose(&rough, prior).ok_or(MapError::Degenerate)?);
+        start[..6]
+            .copy_from_slice(&start_pose(&sheet_to_image, prior).ok_or(MapError::Degenerate)?);
         let known = [
             prior.focal_px,
             prior.k1,
@@ -129,7 +131,9 @@ impl RefractiveMap {
             glass_m: prior.glass_m,
             n_glass: prior.n_glass,
             noise_scale: 1.0,
-            rough: std::array::from_fn(|i| std::array::from_fn(|k| rough[(i, k)])),
+            sheet_to_image: std::array::from_fn(|i| {
+                std::array::from_fn(|k| sheet_to_image[(i, k)])
+            }),
             region: Region::hull(nodes.iter().map(|n| [n.xi_m, n.eta_m])),
             covariance: DMatrix::zeros(PARAMETERS, PARAMETERS),
         };
@@ -253,9 +257,9 @@ impl RefractiveMap {
 
     /// See [`super::FittedMap::to_image`].
     pub fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {
-        let rough = Matrix3::from_fn(|i, k| self.rough[i][k]);
+        let sheet_to_image = Matrix3::from_fn(|i, k| self.sheet_to_image[i][k]);
         let rays = self.rays();
-        let mut p = apply(&rough, [xi_m, eta_m])?;
+        let mut p = apply(&sheet_to_image, [xi_m, eta_m])?;
         for _ in 0..20 {
             let at = rays.meet(p[0], p[1])?;
             let e = Vector2::new(at[0] - xi_m, at[1] - eta_m);
@@ -293,9 +297,9 @@ impl RefractiveMap {
     }
 }
 
-/// Start pose from the rough homography and an effective focal length: in water a camera
+/// Start pose from the sheet-to-image homography and an effective focal length: in water a camera
 /// looks as if its focal length were n times longer.
-fn start_pose(rough: &Matrix3<f64>, prior: &RefractivePrior) -> Option<[f64; 6]> {
+fn start_pose(sheet_to_image: &Matrix3<f64>, prior: &RefractivePrior) -> Option<[f64; 6]> {
     let f = prior.focal_px.value * prior.n_water.value;
     let k = Matrix3::new(
         f,
@@ -308,7 +312,7 @@ fn start_pose(rough: &Matrix3<f64>, prior: &RefractivePrior) -> Option<[f64; 6]>
         0.0,
         1.0,
     );
-    let m = k.try_inverse()? * rough;
+    let m = k.try_inverse()? * sheet_to_image;
     let (a, b, t) = (m.column(0), m.column(1), m.column(2));
     let mut scale = 2.0 / (a.norm() + b.norm());
     if t[2] < 0.0 {

@@ -34,8 +34,8 @@ pub(super) fn over(board: &Board, known: &[Node], detection: &Detection) -> Opti
     }
     let shift = |turns: usize| {
         let by = |(seen, known): &([i32; 2], [i32; 2])| {
-            let turned = turn_index(*seen, turns);
-            [known[0] - turned[0], known[1] - turned[1]]
+            let rotated = turn_index(*seen, turns);
+            [known[0] - rotated[0], known[1] - rotated[1]]
         };
         let first = by(pairs.first()?);
         pairs.iter().all(|p| by(p) == first).then_some(first)

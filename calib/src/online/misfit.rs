@@ -78,7 +78,7 @@ impl Misfit {
         } else if self.ratio <= UNUSUAL_RATIO {
             "; something lies across that node: look at it with --annotate"
         } else {
-            ": OUT OF THE ORDINARY; a board that is bent or not made to its file, a lens beyond the map, or light that the fit of a node does not know (clipping, reflections): look with --annotate, try --method refractive, measure the board"
+            ": OUT OF THE ORDINARY; a board that is warped or not made to its file, a lens beyond the map, or light that the fit of a node does not know (clipping, reflections): look with --annotate, try --method refractive, measure the board"
         };
         format!(
             "{size}, the worst node (xi {xi:+.3}, eta {eta:+.3} m) by {:.1} of its sd{cause}",

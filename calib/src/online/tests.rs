@@ -132,7 +132,7 @@ fn a_board_that_moves_starts_anew() {
 }
 
 /// The same board with its nodes counted from the opposite corner, as a frame without its key may be read.
-fn half_turned(mut detection: Detection, orientation: Orientation) -> Detection {
+fn rotated_by_half(mut detection: Detection, orientation: Orientation) -> Detection {
     let board = board();
     for n in &mut detection.nodes {
         (n.i, n.j) = (8 - n.i, 8 - n.j);
@@ -148,7 +148,7 @@ fn a_still_board_keeps_its_nodes_when_the_key_is_hidden() {
     let mut online = OnlineCalibration::new(board(), OnlineOptions::default());
     online.push(&detection(&rig, 1, 0.0, |_, _| true), None);
     for orientation in [Orientation::KeyHidden, Orientation::UprightAssumed] {
-        let seen = half_turned(detection(&rig, 2, 0.0, |i, _| i != 3), orientation);
+        let seen = rotated_by_half(detection(&rig, 2, 0.0, |i, _| i != 3), orientation);
         let known = online.recognise(&seen).unwrap();
         assert_eq!(known.orientation, Orientation::KeySeen);
         let truth = detection(&rig, 2, 0.0, |i, _| i != 3);
@@ -156,8 +156,8 @@ fn a_still_board_keeps_its_nodes_when_the_key_is_hidden() {
         let frames = online.push(&seen, None).frames;
         assert!(frames > 1, "the average goes on: {frames}");
     }
-    // Moved and hidden: nobody knows, and what is known stays as it was.
-    let moved = half_turned(
+    // Moved and hidden: ambiguous, and what is known stays as it was.
+    let moved = rotated_by_half(
         detection(&rig, 3, 0.004, |_, _| true),
         Orientation::KeyHidden,
     );
@@ -171,10 +171,10 @@ fn a_still_board_keeps_its_nodes_when_the_key_is_hidden() {
 fn a_hidden_key_alone_begins_nothing_and_the_key_corrects_what_was_assumed() {
     let rig = Rig::behind_port();
     let mut online = OnlineCalibration::new(board(), OnlineOptions::default());
-    let hidden = half_turned(detection(&rig, 1, 0.0, |_, _| true), Orientation::KeyHidden);
+    let hidden = rotated_by_half(detection(&rig, 1, 0.0, |_, _| true), Orientation::KeyHidden);
     let status = online.push(&hidden, None);
     assert_eq!((status.frames, status.nodes), (0, 0));
-    let assumed = half_turned(
+    let assumed = rotated_by_half(
         detection(&rig, 1, 0.0, |_, _| true),
         Orientation::UprightAssumed,
     );

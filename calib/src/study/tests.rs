@@ -39,7 +39,7 @@ fn better_maps_meet_their_limits() {
     assert!(refractive.max_mm < 1e-3, "{refractive:?}");
 }
 
-/// A map fitted in fresh water and used in the sea: the refractive map is told the new
+/// A map fitted in fresh water and used in the sea: the refractive map gets the new
 /// index, homography cannot be.
 #[test]
 fn refractive_survives_a_change_of_water() {

@@ -236,7 +236,7 @@ fn is_device_name(name: &str) -> bool {
         && !name.chars().any(|c| c == '/' || c.is_control())
 }
 
-/// `/dev/NAME` or `/dev/FOLDER/NAME`, nothing that climbs out again, and not a misspelt
+/// `/dev/NAME` or `/dev/FOLDER/NAME`, nothing that leads out again, and not a misspelt
 /// stable name.
 pub(super) fn is_node(text: &str) -> bool {
     text.strip_prefix("/dev/").is_some_and(|rest| {

@@ -1,4 +1,4 @@
-//! A number's unit and range, and how they are told to a person.
+//! A number's unit and range, and their text in messages.
 
 use std::fmt;
 

@@ -224,7 +224,7 @@ impl<'d> Section<'d> {
         )
     }
 
-    /// A table that may be left out (all its keys then take their defaults).
+    /// A table that may be omitted (all its keys then take their defaults).
     pub(crate) fn table_or_default(&self, key: &str) -> Section<'d> {
         self.asks_for(key, "table", "");
         let mut section = match self.item(key) {

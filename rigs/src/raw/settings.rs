@@ -45,7 +45,7 @@ pub(super) fn read_tank(s: &Section<'_>) -> Option<Tank> {
     Some(tank)
 }
 
-/// `start_attitude_deg` or `start_attitude_rad`: roll, pitch, yaw; level when left out.
+/// `start_attitude_deg` or `start_attitude_rad`: roll, pitch, yaw; level when omitted.
 fn read_attitude(s: &Section<'_>) -> Option<[f64; 3]> {
     let allowed = quantity(-360.0, 360.0, "deg");
     let (rad, deg) = ("start_attitude_rad", "start_attitude_deg");

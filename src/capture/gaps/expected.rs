@@ -14,9 +14,9 @@ const CLEAN: f64 = 0.3;
 /// Share of the rounding's rest that is carried on: a late last frame belongs to the next second, but a
 /// drift must not add up.
 const CARRY: f64 = 0.5;
-/// How well the period of one second foretells that of the next, relative standard deviation.
+/// How well the period of one second predicts that of the next, relative standard deviation.
 const STEADY: f64 = 0.001;
-/// How well a nominal rate foretells the real one, relative standard deviation.
+/// How well a nominal rate predicts the real one, relative standard deviation.
 const NOMINAL: f64 = 0.03;
 /// Share of a frame's distance from its place that is kept for the next.
 const LEAD_FADES: f64 = 0.95;
@@ -35,7 +35,7 @@ const TIE: f64 = 0.2;
 pub struct Expected {
     period_ns: f64,
     /// Relative variance of `period_ns`.
-    doubt: f64,
+    relative_variance: f64,
     line: Line,
     /// Intervals, and whether each was about one period.
     intervals: u64,
@@ -52,7 +52,7 @@ impl Expected {
     pub fn new(period_ns: f64) -> Self {
         Self {
             period_ns,
-            doubt: NOMINAL * NOMINAL,
+            relative_variance: NOMINAL * NOMINAL,
             line: Line::default(),
             intervals: 0,
             found: 0,
@@ -75,7 +75,7 @@ impl Expected {
         self.all_clean &= (periods - 1.0).abs() < CLEAN;
         self.line.add(
             periods,
-            if self.doubt > UNSURE {
+            if self.relative_variance > UNSURE {
                 LEAD_FADES_UNSURE
             } else {
                 LEAD_FADES
@@ -95,15 +95,15 @@ impl Expected {
         self.count();
         self.rest = 0.0;
         self.period_ns = period_ns;
-        self.doubt = NOMINAL * NOMINAL;
+        self.relative_variance = NOMINAL * NOMINAL;
     }
 
     fn count(&mut self) {
         if self.intervals > 0 {
             if let Some((slope, variance)) = self.line.slope() {
-                let gain = self.doubt / (self.doubt + variance);
+                let gain = self.relative_variance / (self.relative_variance + variance);
                 self.period_ns *= 1.0 + gain * slope;
-                self.doubt = (1.0 - gain) * self.doubt + STEADY * STEADY;
+                self.relative_variance = (1.0 - gain) * self.relative_variance + STEADY * STEADY;
             }
             let periods = self.rest + self.length_ns / self.period_ns.max(1.0);
             // Nothing but single periods: no division needed, and none can err.

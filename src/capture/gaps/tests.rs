@@ -372,7 +372,7 @@ fn one_late_frame_is_no_loss() {
 /// c-uvc of tests/hil, once in a while on a busy host: 134 gaps marked, 133 lost. A frame comes a period late, the next
 /// one on time and with the gap in its number: one loss, which was marked on both.
 #[test]
-fn a_gap_told_by_time_and_then_by_number_is_one_gap() {
+fn a_gap_found_by_time_and_then_by_number_is_one_gap() {
     let mut account = Account::new(0.04);
     let frames = (0..200).filter(|i| *i != 91).map(|i| {
         let late = if i == 90 { 0.9 } else { 0.0 };
@@ -469,10 +469,10 @@ proptest! {
         let (mut host, mut device) = (0, 0);
         for i in 0..frames {
             slot += 1.0;
-            // The first second runs without losses: nobody can tell a rate from one frame.
+            // The first second runs without losses: one frame does not show a rate.
             let steady = received >= 25;
             if i == pause_at && steady {
-                // What was lost just before a pause cannot be told from the pause.
+                // What was lost just before a pause cannot be distinguished from the pause.
                 // A pause is exact while it is no longer than the stretch that measured the period.
                 let pause_periods = pause_periods.min(received as u32);
                 lost_pause += u64::from(pause_periods) + std::mem::take(&mut host) + std::mem::take(&mut device);

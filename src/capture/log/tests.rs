@@ -137,7 +137,7 @@ fn reason(result: Result<LogSource, CaptureError>) -> String {
                 Ok(Captured::Finished) => panic!("nothing wrong was seen"),
                 Ok(_) => {}
                 Err(error) => {
-                    // Told once; then it is over.
+                    // Reported once; then it is over.
                     assert_eq!(source.next(Duration::ZERO).unwrap(), Captured::Finished);
                     return error;
                 }

@@ -136,7 +136,7 @@ pub trait V4lDevice: Send {
     fn format(&mut self) -> Result<PixFormat, Errno>;
     /// VIDIOC_S_FMT; returns what the driver made of it.
     fn set_format(&mut self, format: &PixFormat) -> Result<PixFormat, Errno>;
-    /// VIDIOC_ENUM_FMT, _FRAMESIZES, _FRAMEINTERVALS; what cannot be asked is left out.
+    /// VIDIOC_ENUM_FMT, _FRAMESIZES, _FRAMEINTERVALS; what cannot be queried is omitted.
     fn offers(&mut self) -> Vec<OfferedSize>;
     /// VIDIOC_S_PARM: seconds per frame as a fraction; returns what the driver made of it, `None` = it cannot say.
     fn set_interval(&mut self, interval: (u32, u32)) -> Result<Option<(u32, u32)>, Errno>;

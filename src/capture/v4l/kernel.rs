@@ -327,10 +327,10 @@ impl V4lDevice for KernelDevice {
         self.call(vidioc::VIDIOC_S_PARM, &mut p)?;
         // SAFETY: `type_` is capture, so the kernel filled `capture`.
         let got = unsafe { p.parm.capture };
-        let told = got.capability & sys::V4L2_CAP_TIMEPERFRAME != 0
+        let stated = got.capability & sys::V4L2_CAP_TIMEPERFRAME != 0
             && got.timeperframe.numerator > 0
             && got.timeperframe.denominator > 0;
-        Ok(told.then_some((got.timeperframe.numerator, got.timeperframe.denominator)))
+        Ok(stated.then_some((got.timeperframe.numerator, got.timeperframe.denominator)))
     }
 
     fn control_info(&mut self, id: u32) -> Result<ControlInfo, Errno> {

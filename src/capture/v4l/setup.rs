@@ -29,7 +29,7 @@ pub struct Setup {
     pub capability: Capability,
     /// As read back.
     pub format: PixFormat,
-    /// As read back \[1/s\]; 0 = the driver does not tell.
+    /// As read back \[1/s\]; 0 = the driver does not state it.
     pub rate_fps: f64,
     /// The rig's controls, as read back.
     pub controls: Vec<ControlReading>,
@@ -259,7 +259,7 @@ fn set_rate(
     };
     let got = match device.set_interval(interval) {
         Ok(got) => got,
-        // The driver has no rate to set; the stamps will tell it.
+        // The driver has no rate to set; the stamps will show it.
         Err(Errno(libc::ENOTTY | libc::EINVAL)) => None,
         Err(e) => return Err(call_error(system, node, "VIDIOC_S_PARM", e)),
     };

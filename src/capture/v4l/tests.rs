@@ -178,7 +178,7 @@ fn a_healthy_camera() {
 }
 
 #[test]
-fn what_was_set_up_is_told() {
+fn what_was_set_up_is_reported() {
     let (system, clock) = system();
     let d = open(&rig_camera(), &system, &clock).unwrap().describe();
     assert_eq!(
@@ -261,7 +261,7 @@ fn half_a_jpeg_is_noticed_without_a_flag() {
 }
 
 #[test]
-fn drops_of_driver_and_device_are_told_apart() {
+fn drops_of_driver_and_device_are_distinguished() {
     let r = with_faults(
         &rig_camera(),
         &[(3.0, Fault::DriverDrop(3)), (6.0, Fault::DeviceDrop(5))],

@@ -77,7 +77,7 @@ pub(super) fn interlaced(field: &str) -> Event {
         Severity::Warning,
         &kind::CAMERA_INTERLACED,
         format!(
-            "the camera delivers {field} frames: odd and even rows are half a period apart, a moving stripe is torn between them"
+            "the camera delivers {field} frames: odd and even rows are half a period apart, a moving stripe is split between them"
         ),
     )
 }

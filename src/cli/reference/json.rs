@@ -52,7 +52,7 @@ fn listed() -> Vec<Printed> {
         "plan design" "" design::Found<'static>,
         "devices" "" devices::Listed<'static>,
         "check" "" check::Checked<'static>,
-        "aim" "One object per line, twice a second." hydroline_daemon::record::glance::Glance,
+        "aim" "One object per line, twice a second." hydroline_daemon::record::aim::AimView,
         "flat" "" flat::Printed<'static>,
         "calibrate" "" calibrate::json::Printed<'static>,
         "record" "" record::Printed<'static>,

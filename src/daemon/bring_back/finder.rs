@@ -2,7 +2,7 @@
 //!
 //! A target that repeats itself looks the same a whole repetition on ([`Finder::repeats_m`]). The place next to the start is
 //! tried first, then those further on, one a frame: off the target's end wrong ones do not fit. What was found is
-//! followed from frame to frame. A line across hexagons alone does not tell which of them it lies on: eyes do.
+//! followed from frame to frame. A line across hexagons alone does not show which of them it lies on: a person sees it.
 
 use super::Seen;
 use crate::analysis::Analyst;
@@ -87,7 +87,7 @@ impl Finder {
                     ..Hint::default()
                 };
                 let fit = self.fitter.fit(&image, &stripe, &hint).ok();
-                fit.filter(|fit| !fit.doubtful() && fit.measured[0])
+                fit.filter(|fit| !fit.is_flagged() && fit.measured[0])
             })
         });
         self.last_x_m = fit.as_ref().map(|fit| fit.pose.x_m);
@@ -156,7 +156,7 @@ mod tests {
         let start = rig.tank.start_pose;
         let mut guide = Guide::new(start, StartTolerance::default());
         let mut at_ns = 0;
-        // More than half a hexagon ahead; nearer, turned by 3.5 deg; then at the start, for long enough.
+        // More than half a hexagon ahead; nearer, rotated by 3.5 deg; then at the start, for long enough.
         let mut away = start;
         away[0] += 0.12;
         let mut nearer = start;
@@ -186,7 +186,7 @@ mod tests {
         assert!(matches!(stages[1], Stage::Away(_)), "{stages:?}");
         assert!(matches!(stages[2], Stage::Arriving(_)), "{stages:?}");
         assert!(matches!(stages[4], Stage::Back(_)), "{stages:?}");
-        // Where the floor is bare nobody knows.
+        // Where the floor is bare it is not known.
         let mut behind = start;
         behind[0] -= 0.5;
         let look = finder.look(&held_at(&rig, &renderer, behind, 9));

@@ -24,7 +24,7 @@ fn directions_are_the_vehicles_own() {
         words(&START, &at),
         "0.12 m forward, 0.04 m left, turn 4\u{b0} left"
     );
-    // Turned about, forward is back; across the tank, along it is to the side.
+    // Rotated by half a turn, forward is back; across the tank, along it is to the side.
     let about = words(&START, &seen(-0.3, 0.0, PI));
     assert!(about.starts_with("0.10 m back"), "{about}");
     let across = words(&START, &seen(-0.3, 0.0, FRAC_PI_2));
@@ -62,7 +62,7 @@ fn what_is_not_seen_is_not_said() {
 }
 
 #[test]
-fn passing_through_is_not_being_there() {
+fn crossing_the_tolerance_is_not_being_there() {
     let mut guide = Guide::new(START, StartTolerance::default());
     let (there, past) = (seen(-0.19, 0.01, 0.02), seen(-0.1, 0.0, 0.0));
     guide.look(0, past);
@@ -76,7 +76,7 @@ fn passing_through_is_not_being_there() {
     assert!(matches!(guide.stage(3 * S + 1), Stage::Arriving(_)));
     guide.look(3 * S, there);
     assert!(matches!(guide.stage(3 * S), Stage::Back(_)));
-    // Turned too far, or not seen any more: not there.
+    // Rotated too far, or not seen any more: not there.
     guide.look(3 * S + 1, seen(-0.2, 0.0, 0.1));
     assert!(matches!(guide.stage(3 * S + 1), Stage::Away(_)));
     guide.look(4 * S, there);

@@ -12,7 +12,7 @@ use std::mem::{Discriminant, discriminant};
 
 /// How often a missing board is asked for its reason \[ns\]: finding that out takes several frames' time.
 const REASON_EVERY_NS: u64 = 1_000_000_000;
-/// How often the same reason is told again \[ns\].
+/// How often the same reason is reported again \[ns\].
 const REPEAT_NS: u64 = 10_000_000_000;
 
 /// What one frame brought.
@@ -33,8 +33,8 @@ pub struct Live {
     pose: Pose,
     line: String,
     asked_ns: Option<u64>,
-    told: Option<(Discriminant<NotFound>, u64)>,
-    /// What was missing when it was last told.
+    reported: Option<(Discriminant<NotFound>, u64)>,
+    /// What was missing when it was last reported.
     missing: Vec<String>,
     accepted: Option<(Calibration, PlacedBy)>,
 }
@@ -47,7 +47,7 @@ impl Live {
             line: "no board seen yet".to_owned(),
             setup,
             asked_ns: None,
-            told: None,
+            reported: None,
             missing: Vec::new(),
             accepted: None,
         }
@@ -79,15 +79,15 @@ impl Live {
                 }
                 self.line = reason.to_string();
                 let kind = discriminant(&reason);
-                let news = match self.told {
-                    Some((told, at_ns)) => {
-                        told != kind || unix_ns.saturating_sub(at_ns) >= REPEAT_NS
+                let news = match self.reported {
+                    Some((reported, at_ns)) => {
+                        reported != kind || unix_ns.saturating_sub(at_ns) >= REPEAT_NS
                     }
                     None => true,
                 };
                 let mut look = Look::default();
                 if ask && news {
-                    self.told = Some((kind, unix_ns));
+                    self.reported = Some((kind, unix_ns));
                     look.events.push(Event::new(
                         unix_ns,
                         Severity::Warning,
@@ -98,7 +98,7 @@ impl Live {
                 look
             }
             Ok(sighting) => {
-                self.told = None;
+                self.reported = None;
                 let status = self.pose.push(&self.setup, sighting).clone();
                 self.line = message::line(&status);
                 let mut look = Look::default();

@@ -34,15 +34,15 @@ pub enum PlacedBy {
 const ANOTHER_BOARD: f64 = 0.1;
 
 /// More than this \[m\] and the rig's numbers describe another camera.
-const DOUBTFUL_M: f64 = 5e-3;
+const MISFIT_M: f64 = 5e-3;
 
 impl PlacedBy {
     /// In words.
     pub fn words(&self) -> String {
         match self {
             PlacedBy::Given => "as measured (--at)".to_owned(),
-            PlacedBy::Rig { rms_m, .. } if *rms_m > DOUBTFUL_M => format!(
-                "from the rig's mounts and camera numbers, which miss the board's nodes by {:.1} mm rms: doubtful, measure it and give --at",
+            PlacedBy::Rig { rms_m, .. } if *rms_m > MISFIT_M => format!(
+                "from the rig's mounts and camera numbers, which miss the board's nodes by {:.1} mm rms: too much, measure it and give --at",
                 1e3 * rms_m
             ),
             PlacedBy::Rig { rms_m, .. } => format!(

@@ -66,7 +66,7 @@ fn setup() -> Setup {
 }
 
 #[test]
-fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
+fn frames_of_two_poses_are_distinguished_and_the_board_is_placed_by_the_rig() {
     let setup = setup();
     let mut poses = Poses::default();
     for (k, eta_m) in [0.0, 0.0, -0.04].into_iter().enumerate() {
@@ -79,7 +79,7 @@ fn frames_of_two_poses_are_told_apart_and_the_board_is_placed_by_the_rig() {
         let (calibration, by) = pose.calibration(&setup, rfc3339(0)).unwrap();
         let p = calibration.placement.unwrap();
         // The face stands 1 mm off the sheet, which shifts eta by about as much: where three blocks are in
-        // view that is measured and taken out; where they are not, the doubt is stated and the shift stays within it.
+        // view that is measured and taken out; where they are not, the uncertainty is stated and the shift stays within it.
         let bound_m = match calibration.gap() {
             Some(Coplanarity::Measured(gap)) if eta_m == 0.0 => {
                 assert!((gap.offset_m - 1e-3).abs() < 3e-4, "{}", gap.offset_m);
@@ -165,7 +165,7 @@ fn a_board_file_of_another_pitch_is_not_accepted() {
 }
 
 #[test]
-fn a_calibration_of_another_image_size_is_refused_and_one_with_its_port_is_told_the_water() {
+fn a_calibration_of_another_image_size_is_refused_and_one_with_its_port_gets_the_water() {
     let setup = Setup {
         method: Method::Refractive,
         ..setup()
@@ -186,13 +186,13 @@ fn a_calibration_of_another_image_size_is_refused_and_one_with_its_port_is_told_
         words.contains("720 × 576") && words.contains("640 × 480"),
         "{words}"
     );
-    let told = calibration
+    let stated = calibration
         .in_medium(Medium::Salt, medium::index(Medium::Salt))
         .unwrap();
-    assert_eq!(told.medium, Medium::Salt);
-    assert_eq!(told.check_use(Medium::Salt, false), Ok(None));
+    assert_eq!(stated.medium, Medium::Salt);
+    assert_eq!(stated.check_use(Medium::Salt, false), Ok(None));
     let plane = |c: &Calibration| c.to_map().to_plane(420.0, 288.0).unwrap();
-    let (air, salt) = (plane(&calibration), plane(&told));
+    let (air, salt) = (plane(&calibration), plane(&stated));
     // Off the axis everything looks a third larger in water, and less is known of it.
     assert!(
         salt.xi_m.abs() < 0.85 * air.xi_m.abs(),
@@ -201,7 +201,7 @@ fn a_calibration_of_another_image_size_is_refused_and_one_with_its_port_is_told_
         salt.xi_m
     );
     assert!(salt.covariance_m2.trace() > air.covariance_m2.trace());
-    // No other map can be told.
+    // No other map can take it.
     let setup = Setup {
         method: Method::Homography,
         ..setup
@@ -240,7 +240,7 @@ fn live_says_why_there_is_no_board_then_what_is_missing_then_accepts_once() {
         "{:?}",
         look.events
     );
-    // The same reason is not told with every frame.
+    // The same reason is not reported with every frame.
     assert_eq!(live.look(&blank(), 2 * second).events, []);
     let first = live.look(&image(0.0, 1), 3 * second);
     let progress = first.progress.unwrap();
@@ -255,9 +255,9 @@ fn live_says_why_there_is_no_board_then_what_is_missing_then_accepts_once() {
     );
     let last = live.look(&image(0.0, 2), 4 * second);
     assert!(last.accepted, "{}", live.missing());
-    let told = last.progress.unwrap();
-    assert_eq!(told.state, message::ACCEPTED);
-    let stored = Calibration::from_toml(&told.toml, "log").unwrap();
+    let stated = last.progress.unwrap();
+    assert_eq!(stated.state, message::ACCEPTED);
+    let stored = Calibration::from_toml(&stated.toml, "log").unwrap();
     assert_eq!(Some(&stored), live.accepted());
     assert_eq!(live.look(&image(0.0, 3), 5 * second), live::Look::default());
 }

@@ -1,6 +1,6 @@
 //! What a run so far cannot show, by what the commands that were sent have done to the rig's model.
 //!
-//! A coefficient that no motion depends on is not identifiable from it, however long the run. Told per degree of
+//! A coefficient that no motion depends on is not identifiable from it, however long the run. Reported per degree of
 //! freedom that the thrusters can drive; what a run was never meant to excite stays listed, and rightly.
 
 use super::prediction::Motion;

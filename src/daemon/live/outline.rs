@@ -41,18 +41,18 @@ impl Scene {
         }
     }
 
-    /// Height above the floor and eta of what the sheet meets at `xi_m`: the highest top that is there, else the floor.
+    /// Height above the floor and eta of what the sheet meets at `xi_m`: the highest upper face that is there, else the floor.
     fn met(&self, pose: &Pose, xi_m: f64) -> Option<(f64, f64)> {
         let at = |height_m: f64| {
             let line = pose.level_in_plane(&self.mounts, height_m)?;
             Some(line.eta_at_zero_m + line.slope * xi_m)
         };
-        for top in &self.surfaces.tops {
-            let eta_m = at(top.height_m)?;
+        for face in &self.surfaces.faces {
+            let eta_m = at(face.height_m)?;
             let body = frames::plane_to_body(&self.mounts, xi_m, eta_m);
             let tank = pose.body_to_tank(&body);
-            if top.outline.contains([tank.x, tank.y]) {
-                return Some((top.height_m, eta_m));
+            if face.outline.contains([tank.x, tank.y]) {
+                return Some((face.height_m, eta_m));
             }
         }
         Some((0.0, at(0.0)?))
@@ -92,10 +92,10 @@ impl Scene {
         below_m.max(0.05) * (0.5 * self.fan.angle_rad).tan()
     }
 
-    /// Of stripe points in the laser plane \[m\]: the share that lies nearer to a top than to the floor, and the share
+    /// Of stripe points in the laser plane \[m\]: the share that lies nearer to an upper face than to the floor, and the share
     /// that should. `None` without a target, or without points.
     pub fn on_target(&self, pose: &Pose, profile_m: &[(f64, f64)]) -> Option<(f64, f64)> {
-        let lowest_m = self.surfaces.tops.last()?.height_m;
+        let lowest_m = self.surfaces.faces.last()?.height_m;
         let floor = pose.level_in_plane(&self.mounts, 0.0)?;
         if profile_m.is_empty() {
             return None;

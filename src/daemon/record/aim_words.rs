@@ -1,6 +1,6 @@
 //! Focus, exposure and laser in words: one line for a terminal, one row each for the live page.
 
-use super::glance::{Glance, PEAK_MIN, SATURATED_MAX, SIGMA_MAX_PX, SLOW, WIDE};
+use super::aim::{AimView, PEAK_MIN, SATURATED_MAX, SIGMA_MAX_PX, SLOW, WIDE};
 use hydroline_live::state::Check;
 
 /// Columns of the narrowest terminal.
@@ -32,7 +32,7 @@ fn judged(
     }
 }
 
-impl Glance {
+impl AimView {
     fn focus(&self) -> Judged {
         match self.sigma_px {
             None => judged(
@@ -169,7 +169,7 @@ impl Glance {
             .collect()
     }
 
-    /// One line that a terminal of [`TERMINAL_COLUMNS`] shows whole. What has no room is left out, last first.
+    /// One line that a terminal of [`TERMINAL_COLUMNS`] shows whole. What has no room is omitted, last first.
     pub fn line(&self) -> String {
         let judged = [self.focus(), self.exposure(), self.laser(), self.camera()];
         let mut parts: Vec<String> = judged.into_iter().map(|j| j.short).collect();
@@ -198,8 +198,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn good() -> Glance {
-        Glance {
+    fn good() -> AimView {
+        AimView {
             rate_fps: 25.0,
             wanted_fps: 25.0,
             steady_fps: Some(25.0),
@@ -229,16 +229,16 @@ mod tests {
 
     #[test]
     fn each_trouble_has_its_word() {
-        let of = |change: fn(&mut Glance)| {
-            let mut glance = good();
-            change(&mut glance);
-            let bad = glance
+        let of = |change: fn(&mut AimView)| {
+            let mut view = good();
+            change(&mut view);
+            let bad = view
                 .checks()
                 .iter()
                 .filter(|c| c.good == Some(false))
                 .count();
-            assert_eq!(bad, 1, "{:?}", glance.checks());
-            glance.line()
+            assert_eq!(bad, 1, "{:?}", view.checks());
+            view.line()
         };
         assert!(of(|g| g.sigma_px = Some(4.2)).contains("focus soft 4.2 px"));
         assert!(of(|g| g.peak = Some(40.0)).contains("exposure dark 40"));
@@ -258,11 +258,11 @@ mod tests {
             saturated in 0.0..=1.0f64, found in 0usize..100_000, all in 1u32..100_000, lost in any::<u64>(),
             target in proptest::option::of((0.0..=1.0f64, 0.0..=1.0f64)), disk in proptest::option::of(0.0..1e9f64), silent in 0.0..1e7f64,
         ) {
-            let glance = Glance {
+            let view = AimView {
                 rate_fps: rate, steady_fps: Some(rate), silent_s: silent, lost, peak, sigma_px: sigma, saturated,
                 columns: (found, all), on_target: target, disk_min: disk, ..good()
             };
-            let line = glance.line();
+            let line = view.line();
             prop_assert!(line.chars().count() < TERMINAL_COLUMNS, "{} columns: {line}", line.chars().count());
             for word in ["focus", "exposure", "laser"] {
                 prop_assert!(line.contains(word), "{word}: {line}");

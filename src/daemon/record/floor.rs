@@ -118,11 +118,11 @@ mod tests {
         (0..500)
             .map(|i| {
                 let xi = -0.28 + 0.56 * f64::from(i) / 499.0;
-                let wobble = noise_m * f64::from((i * 7919) % 13 - 6) / 6.0;
+                let scatter = noise_m * f64::from((i * 7919) % 13 - 6) / 6.0;
                 let raised = if xi.abs() < 0.15 { slab_m } else { 0.0 };
                 (
                     xi,
-                    0.68 - height_m / phi_rad.cos() - xi * phi_rad.tan() + raised + wobble,
+                    0.68 - height_m / phi_rad.cos() - xi * phi_rad.tan() + raised + scatter,
                 )
             })
             .collect()

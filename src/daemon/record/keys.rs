@@ -14,7 +14,7 @@ use std::thread::JoinHandle;
 /// How often the thread looks whether it is still wanted \[ms\].
 const LOOK_MS: i32 = 100;
 
-/// What was pressed; each is told once.
+/// What was pressed; each is reported once.
 #[derive(Debug, Default)]
 struct Pressed {
     space: AtomicBool,

@@ -1,4 +1,4 @@
-//! What a service manager is told (systemd, sd_notify(3)): ready, alive, stopping. Nothing where there is none.
+//! Notifications to a service manager (systemd, sd_notify(3)): ready, alive, stopping. Nothing where there is none.
 
 use sd_notify::NotifyState;
 
@@ -20,6 +20,6 @@ pub(super) fn stopping(why: &str) {
 
 fn tell(state: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(state) {
-        tracing::debug!("the service manager was not told: {error}");
+        tracing::debug!("the service manager was not notified: {error}");
     }
 }

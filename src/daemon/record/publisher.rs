@@ -9,7 +9,7 @@ use crate::live::excited::Excited;
 use crate::live::outline::Scene;
 use crate::live::prediction::Prediction;
 use crate::live::{Live, picture, thrusters};
-use crate::record::newest::{Newest, Taken};
+use crate::record::mailbox::{Mailbox, Taken};
 use hydroline_calib::Pose;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::{Frame, GreyRule};
@@ -56,7 +56,7 @@ pub(super) struct Desk {
     inbox: Mutex<Option<Receiver<Note>>>,
     /// The last two poses and when they were true, UNIX \[ns\].
     poses: Mutex<VecDeque<(u64, Pose)>>,
-    pub(super) status: Newest<Status>,
+    pub(super) status: Mailbox<Status>,
 }
 
 impl Desk {
@@ -72,7 +72,7 @@ impl Desk {
             post,
             inbox: Mutex::new(Some(inbox)),
             poses: Mutex::new(VecDeque::new()),
-            status: Newest::default(),
+            status: Mailbox::default(),
         }
     }
 

@@ -87,7 +87,7 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
     })
 }
 
-/// One line of /proc; empty where the kernel does not tell.
+/// One line of /proc; empty where the kernel does not state it.
 fn read(path: &str) -> String {
     std::fs::read_to_string(path)
         .map(|s| s.trim().to_owned())

@@ -1,6 +1,6 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
-use super::newest::Newest;
+use super::mailbox::Mailbox;
 use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
 use crate::signals::Signals;
 use hydroline_core::event::{Severity, kind};
@@ -23,7 +23,7 @@ pub(super) fn supervise(
     shared: &Shared,
     job: &Job,
     service: Option<&ThrusterService>,
-    status: &Newest<Status>,
+    status: &Mailbox<Status>,
 ) -> Result<StopReason, RecordError> {
     let start = |source| RecordError::Start {
         what: "signal handlers",
@@ -77,7 +77,7 @@ struct Supervisor<'a> {
 }
 
 impl Supervisor<'_> {
-    async fn run(&mut self, status: &Newest<Status>) -> Result<StopReason, RecordError> {
+    async fn run(&mut self, status: &Mailbox<Status>) -> Result<StopReason, RecordError> {
         let mut tick = tokio::time::interval(TICK);
         let mut second = tokio::time::interval(Duration::from_secs(1));
         loop {

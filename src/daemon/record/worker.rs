@@ -2,8 +2,8 @@
 //! extracts the newest frame when it has time, and the poses, which fit the newest stripe when nobody else wants to.
 
 use super::{
-    Job, PoseCounts, RecordError, Shared, calibrating, floor, measured_pose::MeasuredPose,
-    newest::Taken,
+    Job, PoseCounts, RecordError, Shared, calibrating, floor, mailbox::Taken,
+    measured_pose::MeasuredPose,
 };
 use crate::analysis::Analyst;
 use crate::calibrate::live::Live;
@@ -263,7 +263,7 @@ impl PoseCounts {
     fn count(&mut self, pose: &RunPose) {
         match pose {
             RunPose::Good(_) => self.fitted += 1,
-            RunPose::Doubtful(_) => self.doubtful += 1,
+            RunPose::Flagged(_) => self.flagged += 1,
             RunPose::None(fault) => *self.none.entry(word(fault)).or_default() += 1,
         }
     }
@@ -276,9 +276,9 @@ fn word(fault: &PoseFault) -> &'static str {
         PoseFault::Segments(_) => "segments",
         PoseFault::Size { .. } => "size",
         PoseFault::Nowhere { .. } => "nowhere_on_target",
-        PoseFault::FloorOrTop { .. } => "floor_or_top",
+        PoseFault::FloorOrFace { .. } => "floor_or_top",
         PoseFault::FarFromHint { .. } => "far_from_expected",
         PoseFault::Unexplained { .. } => "unexplained",
-        PoseFault::Unsettled => "unsettled",
+        PoseFault::NotConverged => "unsettled",
     }
 }

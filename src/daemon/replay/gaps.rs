@@ -76,7 +76,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn a_stretch_is_told_with_what_it_began_with_and_single_frames_are_not() {
+    fn a_stretch_is_reported_with_its_first_reason_and_single_frames_are_not() {
         let mut gaps = Gaps::default();
         for k in 0..100 {
             let stamp_ns = (1_000 + 40 * k) * MS;

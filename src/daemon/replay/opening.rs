@@ -4,7 +4,7 @@
 use super::{Options, ReplayError};
 use crate::response::{Found, ResponseReport};
 use hydroline_log::{Closing, Record, Topic};
-use hydroline_pose::joint::Beforehand;
+use hydroline_pose::joint::ResponsePrior;
 use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::PoseRun;
 use hydroline_rigs::Rig;
@@ -73,7 +73,7 @@ fn stated(log: &Path, options: &Options, run: &PoseRun) -> Result<Option<Found>,
 fn same_statement(logged: Option<&str>, run: &PoseRun) -> bool {
     let rig = logged.and_then(|text| Rig::from_toml(text, "rig", None).ok());
     let of_log = rig.and_then(|rig| rig.camera.response);
-    Beforehand::of_rig(of_log.as_ref()) == *run.fitter().beforehand().0
+    ResponsePrior::of_rig(of_log.as_ref()) == *run.fitter().response_prior().0
 }
 
 /// What its first frames that show the target say.

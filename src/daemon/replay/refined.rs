@@ -19,7 +19,7 @@ const FRAMES: usize = 24;
 pub struct RefineReport {
     /// Frames looked at.
     pub frames: usize,
-    /// Of these, frames that gave no pose and were left out.
+    /// Of these, frames that gave no pose and were discarded.
     pub failed: usize,
     /// Sheet's thickness and its sd \[m\], where asked for.
     pub thickness_m: Option<[f64; 2]>,
@@ -129,12 +129,12 @@ fn look(pending: &mut Vec<Frame>, follow: &mut PoseRun, options: &Options, sprea
         )
         .collect();
     for (frame, pixels) in pending.drain(..).zip(analysed) {
-        let Some((image, profile, ahead)) = pixels else {
+        let Some((image, profile, speculative)) = pixels else {
             continue;
         };
         let stamp_ns = frame.meta.mid_exposure_ns;
         let hint = follow.hint(stamp_ns);
-        follow.pose_ahead(stamp_ns, &image, &profile, ahead);
+        follow.pose_speculative(stamp_ns, &image, &profile, speculative);
         spread.take((image, profile, hint));
     }
 }

@@ -20,8 +20,8 @@ pub(super) fn of(options: &Options, session: &MetadataMap) -> Option<Unhurried> 
 /// The rig at the run's own start: a repeated run starts where the one before has left the vehicle.
 fn at_start(rig: &Rig, session: &MetadataMap) -> Rig {
     let mut rig = rig.clone();
-    let told = session.get("start_pose");
-    let pose: Option<[f64; 6]> = told.and_then(|text| serde_json::from_str(text).ok());
+    let stated = session.get("start_pose");
+    let pose: Option<[f64; 6]> = stated.and_then(|text| serde_json::from_str(text).ok());
     if let Some(pose) = pose.filter(|pose| pose.iter().all(|v| v.is_finite())) {
         rig.tank.start_pose = pose;
     }

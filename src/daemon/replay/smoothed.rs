@@ -23,7 +23,8 @@ pub struct SmoothReport {
     /// Of these, frames without a pose of their own, filled in between their neighbours.
     pub filled: usize,
     /// Frames that disagreed with their neighbours and counted less.
-    pub doubted: usize,
+    #[serde(rename = "doubted")]
+    pub downweighted: usize,
     /// Squared innovation per measured number: about 1 where the frames' covariances are honest.
     pub chi2: f64,
     /// Reported sd of single frames, rms: x, y, z \[m\], φ, θ, ψ \[rad\].
@@ -35,7 +36,8 @@ pub struct SmoothReport {
     /// Its sd \[m\].
     pub thickness_sd_m: f64,
     /// What unknown accelerations were found to gain in one second \[m/s², rad/s²\].
-    pub push_per_root_s: [f64; 6],
+    #[serde(rename = "push_per_root_s")]
+    pub walk_sd_per_root_s: [f64; 6],
 }
 
 /// Smoothed motion by stamp, and the account.
@@ -81,11 +83,11 @@ pub(super) fn bound(
     let mut report = SmoothReport {
         frames: smoothed.frames.len(),
         filled: smoothed.frames.iter().filter(|f| !f.own).count(),
-        doubted: smoothed.doubted,
+        downweighted: smoothed.downweighted,
         chi2: smoothed.chi2,
         thickness_m: smoothed.thickness_m,
         thickness_sd_m: smoothed.thickness_sd_m,
-        push_per_root_s: smoothed.push_per_root_s,
+        walk_sd_per_root_s: smoothed.walk_sd_per_root_s,
         ..SmoothReport::default()
     };
     for i in 0..6 {
@@ -124,8 +126,8 @@ fn measure(
         let pose = run
             .as_mut()
             .zip(pixels)
-            .map(|(run, (image, profile, ahead))| {
-                run.pose_ahead(stamp_ns, &image, &profile, ahead)
+            .map(|(run, (image, profile, speculative))| {
+                run.pose_speculative(stamp_ns, &image, &profile, speculative)
             });
         frames.push(MeasuredFrame {
             stamp_ns,

@@ -184,7 +184,7 @@ pub fn belongs(g: &Geometry, p: &Placed, rays: &Rays, seen: &Seen) -> Belongs {
         let height_m = g.heights_m.get(level).copied().unwrap_or(0.0);
         let side = foot(g, p, r, height_m).and_then(|(at, per)| {
             g.surfaces
-                .tops
+                .faces
                 .iter()
                 .enumerate()
                 .filter(|(_, t)| (t.height_m - height_m).abs() < 1e-9)
@@ -271,7 +271,7 @@ pub fn residuals(
     out.append(&mut broad);
     for ((edge, r), side) in seen.edges.iter().zip(&rays.edges).zip(&to.edges) {
         let off = side.and_then(|(level, top, side)| {
-            let side = g.surfaces.tops.get(top)?.outline.edges.get(side)?;
+            let side = g.surfaces.faces.get(top)?.outline.edges.get(side)?;
             let (at, per) = foot(g, p, r, *g.heights_m.get(level)?)?;
             let bias = value(Shared::Ends(level, edge.to_starboard));
             Some(column_off(side, at, per, edge.to_starboard)? - bias)

@@ -19,14 +19,14 @@ fn ns(at_s: f64) -> u64 {
     (at_s * NS_PER_S) as u64
 }
 
-/// What one viewer has been told, so that a pose and an event are told once.
+/// What one viewer has been sent, so that a pose and an event are sent once.
 #[derive(Debug, Default)]
-pub struct Newest {
+pub struct Sent {
     pose_s: f64,
     event: Option<Event>,
 }
 
-impl Newest {
+impl Sent {
     /// Messages of a state at this time (UNIX \[ns\]).
     pub fn of_state(&mut self, viewer: &Viewer, state: &State, at_ns: u64) -> Vec<Bytes> {
         let mut out = Vec::new();
@@ -74,10 +74,10 @@ impl Newest {
         out
     }
 
-    /// Events behind the one that was told last.
+    /// Events behind the one that was sent last.
     fn news(&mut self, state: &State) -> Vec<pb::Event> {
-        let told = self.event.as_ref();
-        let behind = told.and_then(|last| state.events.iter().rposition(|e| e == last));
+        let sent = self.event.as_ref();
+        let behind = sent.and_then(|last| state.events.iter().rposition(|e| e == last));
         let from = behind.map_or(0, |i| i + 1);
         let news = state.events.iter().skip(from).map(event).collect();
         self.event = state.events.back().cloned();

@@ -46,12 +46,12 @@ fn the_greeting_names_every_channel_with_its_schema() {
     let advertised: serde_json::Value = serde_json::from_str(&advertised).unwrap();
     let channels = advertised["channels"].as_array().unwrap();
     assert_eq!(channels.len(), Channel::ALL.len());
-    for (i, (told, channel)) in channels.iter().zip(Channel::ALL).enumerate() {
-        assert_eq!(told["id"], i + 1);
-        assert_eq!(told["topic"], channel.topic());
+    for (i, (sent, channel)) in channels.iter().zip(Channel::ALL).enumerate() {
+        assert_eq!(sent["id"], i + 1);
+        assert_eq!(sent["topic"], channel.topic());
         if let Channel::Log(topic) = channel {
-            assert_eq!(told["schemaName"], topic.schema_name());
-            let schema = BASE64.decode(told["schema"].as_str().unwrap().as_bytes());
+            assert_eq!(sent["schemaName"], topic.schema_name());
+            let schema = BASE64.decode(sent["schema"].as_str().unwrap().as_bytes());
             assert_eq!(schema.unwrap(), topic.schema().data);
         }
     }
@@ -146,11 +146,11 @@ fn state(x_m: f64, events: usize) -> State {
 }
 
 #[test]
-fn a_state_is_told_as_the_logs_messages_each_pose_and_event_once() {
+fn a_state_is_sent_as_the_logs_messages_each_pose_and_event_once() {
     let of = |topic: Topic| 100 + number(Channel::Log(topic));
     let viewer = looking_at(&Channel::ALL);
-    let mut told = Newest::default();
-    let first = told.of_state(&viewer, &state(0.25, 2), 5);
+    let mut sent = Sent::default();
+    let first = sent.of_state(&viewer, &state(0.25, 2), 5);
     let payloads = |frames: &[Bytes], topic: Topic| -> Vec<Vec<u8>> {
         let read = frames.iter().map(|f| read(f));
         read.filter(|(id, _, _)| *id == of(topic))
@@ -175,18 +175,18 @@ fn a_state_is_told_as_the_logs_messages_each_pose_and_event_once() {
     assert_eq!((events.len(), event.message.as_str()), (2, "event 1"));
     assert_eq!(event.severity(), pb::event::Severity::Warning);
     // The same pose again, and one event more.
-    let second = told.of_state(&viewer, &state(0.25, 3), 6);
+    let second = sent.of_state(&viewer, &state(0.25, 3), 6);
     assert!(payloads(&second, Topic::Motion).is_empty());
     let events = payloads(&second, Topic::Event);
     let event = pb::Event::decode(events[0].as_slice()).unwrap();
     assert_eq!((events.len(), event.message.as_str()), (1, "event 2"));
-    let third = told.of_state(&viewer, &state(0.3, 3), 7);
+    let third = sent.of_state(&viewer, &state(0.3, 3), 7);
     assert_eq!(payloads(&third, Topic::Motion).len(), 1);
     assert!(payloads(&third, Topic::Event).is_empty());
 }
 
 #[test]
-fn a_picture_is_told_with_its_lines_where_they_are_in_the_image_that_is_sent() {
+fn a_picture_is_sent_with_its_lines_where_they_are_in_the_image_that_is_sent() {
     let picture = Picture {
         frame: Frame {
             format: PixelFormat::Grey,

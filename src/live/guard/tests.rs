@@ -142,7 +142,7 @@ fn a_rebound_name_is_not_this_computer() {
 }
 
 #[test]
-fn without_the_token_nothing_is_told() {
+fn without_the_token_nothing_is_sent() {
     let guard = closed();
     for path in ["/", "/state", "/picture", "/metrics", "/stop", "/nothing"] {
         for query in [

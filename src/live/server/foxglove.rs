@@ -1,8 +1,8 @@
 //! The Foxglove viewer's connection: an upgrade of a request that has passed the guard, then one task per viewer.
 //!
-//! As on the page the newest wins: a viewer that is slow is told less often, and one that takes nothing is cut off.
+//! As on the page the newest wins: a viewer that is slow is sent less, and one that takes nothing is cut off.
 
-use super::super::foxglove::{Channel, Newest, Viewer, greeting, of_picture, protocol};
+use super::super::foxglove::{Channel, Sent, Viewer, greeting, of_picture, protocol};
 use super::routes::Shared;
 use super::{Connection, ended};
 use axum::extract::Request;
@@ -105,11 +105,11 @@ async fn serve(
     for text in greeting(&title, &session) {
         socket.send(Message::text(text)).await?;
     }
-    let (mut viewer, mut told) = (Viewer::default(), Newest::default());
+    let (mut viewer, mut sent) = (Viewer::default(), Sent::default());
     let mut pictures = shared.feed.pictures();
     loop {
         let looks = viewer.wants(Channel::is_picture);
-        // Before the first subscription nothing is told, so that events are not told to nobody.
+        // Before the first subscription nothing is sent, so that events are not sent to nobody.
         let listens = viewer.wants(|_| true);
         tokio::select! {
             () = ended(&mut connection.ending) => {
@@ -121,7 +121,7 @@ async fn serve(
                     if let Some(answer) = viewer.hear(&text) {
                         socket.send(Message::text(answer)).await?;
                     }
-                    // What there is already is told to whoever has just come.
+                    // A viewer that has just come is sent what there is already.
                     states.mark_changed();
                     pictures.mark_changed();
                 }
@@ -135,7 +135,7 @@ async fn serve(
                 }
                 let newest = states.borrow_and_update().value.clone();
                 if let Some(state) = newest {
-                    send(&mut socket, told.of_state(&viewer, &state, now_ns())).await?;
+                    send(&mut socket, sent.of_state(&viewer, &state, now_ns())).await?;
                 }
                 if looks {
                     // Says once more that somebody looks.

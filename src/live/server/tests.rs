@@ -180,7 +180,7 @@ fn stop_takes_the_key_of_the_session_and_nothing_less() {
 }
 
 #[test]
-fn with_a_token_nothing_is_told_to_who_has_none() {
+fn with_a_token_nothing_is_sent_to_who_has_none() {
     let (server, _feed, stops) = started(Some(TOKEN));
     let address = server.address();
     for line in [
@@ -392,8 +392,8 @@ mod foxglove {
                 images += 1;
             } else {
                 assert_eq!(id, state + 10);
-                let told: serde_json::Value = serde_json::from_slice(&message[13..]).unwrap();
-                titles.push(told["title"].as_str().unwrap().to_owned());
+                let sent: serde_json::Value = serde_json::from_slice(&message[13..]).unwrap();
+                titles.push(sent["title"].as_str().unwrap().to_owned());
             }
         }
         assert!(feed.is_watched());

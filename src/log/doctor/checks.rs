@@ -62,8 +62,8 @@ pub(super) struct Frames {
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
-    /// Losses told in `camera.gap` events and not taken back, by the frame they were told of.
-    pub(super) told_lost: BTreeMap<Option<u32>, u64>,
+    /// Losses reported in `camera.gap` events and not taken back, by the frame they were reported of.
+    pub(super) reported_lost: BTreeMap<Option<u32>, u64>,
 }
 
 impl Checks {
@@ -219,16 +219,18 @@ impl Checks {
         match event.kind.as_str() {
             "clock.step" => self.step_events += 1,
             "camera.gap" => {
-                // Older logs do not say of which frame: what they tell is never taken back.
+                // Older logs do not state of which frame: what they report is never taken back.
                 let frame = event.values.get("sequence").map(|v| *v as u32);
-                *self.frames.told_lost.entry(frame).or_default() += u64::from(whole("lost"));
+                *self.frames.reported_lost.entry(frame).or_default() += u64::from(whole("lost"));
             }
             "camera.gap_retracted" => {
                 let frames = u64::from(whole("frames"));
                 self.frames.retracted += frames;
                 let frame = event.values.get("sequence").map(|v| *v as u32);
-                if let (Some(_), Some(told)) = (frame, self.frames.told_lost.get_mut(&frame)) {
-                    *told = told.saturating_sub(frames);
+                if let (Some(_), Some(reported)) =
+                    (frame, self.frames.reported_lost.get_mut(&frame))
+                {
+                    *reported = reported.saturating_sub(frames);
                 }
             }
             "thruster.unsent" => {

@@ -39,7 +39,7 @@ fn ledger_of(summary: &MetadataMap) -> &'static str {
 }
 
 impl Checks {
-    /// Frames that did not get into the file, as far as it tells.
+    /// Frames that did not get into the file, as far as it states.
     pub(super) fn frames_lost(&self, learnt: &Learnt) -> u64 {
         let marked = self.frames.marked.saturating_sub(self.frames.retracted);
         let stated = learnt.metadata.get("summary").map_or(0, |summary| {
@@ -64,9 +64,9 @@ impl Checks {
         );
         self.clocks();
         let mut errors = std::mem::take(&mut self.error_events);
-        // A frame that was only late is told as lost first and taken back by the next one.
-        let told = &self.frames.told_lost;
-        if !told.is_empty() && told.values().all(|lost| *lost == 0) {
+        // A frame that was only late is reported as lost first and taken back by the next one.
+        let reported = &self.frames.reported_lost;
+        if !reported.is_empty() && reported.values().all(|lost| *lost == 0) {
             errors.remove(kind::CAMERA_GAP.name);
         }
         for (kind, n) in errors {

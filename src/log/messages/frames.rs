@@ -89,7 +89,7 @@ pub fn frame_info(frame: &Frame, frame_index: u64) -> FrameInfo {
 /// `sequence` and `fallback_ns` (the MCAP record's) stand in for what the image does not say.
 ///
 /// # Errors
-/// An encoding that is not read, or a compressed image whose size cannot be told.
+/// An encoding that is not read, or a compressed image whose size cannot be determined.
 pub fn frame_from(
     image: ImageMessage,
     info: Option<&FrameInfo>,

@@ -57,7 +57,7 @@ fn frames() -> impl Strategy<Value = Frame> {
     );
     (shape, stamps, marks).prop_map(|(shape, stamps, marks)| Frame {
         format: shape.0,
-        // A JPEG always has a size; 0 would mean "not told".
+        // A JPEG always has a size; 0 would mean "not stated".
         width_px: shape.1.max(1),
         height_px: shape.2,
         stride_bytes: if shape.0.is_compressed() { 0 } else { shape.3 },

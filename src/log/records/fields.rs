@@ -101,7 +101,7 @@ pub(crate) struct ChunkRecord {
     pub crc: u32,
     pub compression: String,
     pub content: Bytes,
-    /// Content bytes that the header promises; more than `content` in a torn chunk.
+    /// Content bytes by the header; more than `content` in a truncated chunk.
     pub content_bytes: u64,
 }
 
@@ -201,15 +201,15 @@ pub(crate) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
     f.u32("summary crc")
 }
 
-/// Parses a chunk's header. A content shorter than promised is an error unless `torn`.
-pub(crate) fn chunk(body: &Bytes, torn: bool) -> Result<ChunkRecord, Damage> {
+/// Parses a chunk's header. A content shorter than the header states is an error unless `truncated`.
+pub(crate) fn chunk(body: &Bytes, truncated: bool) -> Result<ChunkRecord, Damage> {
     let mut f = fields(op::CHUNK, body);
     let (start_ns, end_ns) = (f.u64("start time")?, f.u64("end time")?);
     let (uncompressed_bytes, crc) = (f.u64("uncompressed size")?, f.u32("crc")?);
     let compression = f.string("compression")?;
     let content_bytes = f.u64("compressed size")?;
     let have = f.bytes.remaining() as u64;
-    if content_bytes > have && !torn {
+    if content_bytes > have && !truncated {
         return Err(Damage::ChunkSize {
             declared: content_bytes,
             got: have,

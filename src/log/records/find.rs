@@ -37,7 +37,7 @@ impl<R: Read + Seek> ChunkFinder<R> {
     }
 
     /// Where the next chunk begins whose checksum holds, at or after `from`. A chunk that states no checksum cannot
-    /// be told from chance and is passed over.
+    /// be distinguished from chance and is passed over.
     ///
     /// # Errors
     /// The source's own.

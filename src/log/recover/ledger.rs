@@ -82,7 +82,7 @@ impl Ledger {
                 put(&format!("frames.lost.{cause}"), n);
             }
         }
-        // In memory, refused by the queue or the disk, or damaged in the file: not told apart any more.
+        // In memory, refused by the queue or the disk, or damaged in the file: not distinguished any more.
         put("frames.dropped.unknown", span.saturating_sub(self.frames));
         put("frames.logged", self.frames);
         put("frames.faulty", self.faulty);

@@ -9,7 +9,7 @@ use hydroline_log::export::{ExportOptions, export};
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::recover::recover;
 use hydroline_log::{
-    Closing, Entry, FileRecorder, FileSink, Head, LogOutcome, LogReader, LogSink, Record,
+    Closing, Entry, FileOutput, FileRecorder, Head, LogOutcome, LogOutput, LogReader, Record,
     SummaryInput, WriteSettings, info,
 };
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ fn the_name_is_not_the_file_another_file_in_its_place_is_left_alone() {
 
 /// A file of at most `most_bytes`, as FAT or RLIMIT_FSIZE have it: beyond that EFBIG.
 struct Small {
-    file: FileSink,
+    file: FileOutput,
     most_bytes: u64,
 }
 
@@ -116,7 +116,7 @@ impl std::io::Write for Small {
     }
 }
 
-impl LogSink for Small {
+impl LogOutput for Small {
     fn sync(&mut self) -> std::io::Result<()> {
         self.file.sync()
     }
@@ -138,9 +138,9 @@ impl LogSink for Small {
 fn a_file_at_its_largest_goes_on_in_the_next_part() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().to_owned();
-    let opener = move |part: u32| -> std::io::Result<(Box<dyn LogSink>, PathBuf)> {
+    let opener = move |part: u32| -> std::io::Result<(Box<dyn LogOutput>, PathBuf)> {
         let path = folder.join(format!("{part}.mcap"));
-        let file = FileSink::create(&path, false)?;
+        let file = FileOutput::create(&path, false)?;
         let most_bytes = 300_000;
         Ok((Box::new(Small { file, most_bytes }), path))
     };

@@ -1,5 +1,5 @@
 //! Time per 720 x 576 frame on one core: `cargo bench -p hydroline-pose --bench pose`.
-//! Asked (issue 4, must show 6): joint pose <= 5 ms, the six formulas <= 0.1 ms.
+//! Required (issue 4, must show 6): joint pose <= 5 ms, the six formulas <= 0.1 ms.
 
 #![allow(clippy::unwrap_used)]
 
@@ -19,7 +19,7 @@ fn main() {
     divan::main();
 }
 
-/// On a flank, at a widest point, and at a joint, where four places have to be told apart.
+/// On a flank, at a widest point, and at a joint, where four places have to be distinguished.
 const PLACES_M: [f64; 3] = [-0.115, -0.17, -0.0622];
 
 struct Case {

@@ -12,13 +12,13 @@ const PSI_MAX_RAD: f64 = 0.6;
 /// The edge points of one crossing, port to starboard: board, hexagon, hexagon, board.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// Port edge of the lowest top.
+    /// Port edge of the lowest upper face.
     pub a: Option<Step>,
-    /// Port edge of the highest top.
+    /// Port edge of the highest upper face.
     pub b: Option<Step>,
-    /// Starboard edge of the highest top.
+    /// Starboard edge of the highest upper face.
     pub c: Option<Step>,
-    /// Starboard edge of the lowest top.
+    /// Starboard edge of the lowest upper face.
     pub d: Option<Step>,
 }
 

@@ -28,14 +28,14 @@ fn crossing(pose: &Pose) -> Crossing {
     let mounts = lshpi_rig().mounts;
     let surfaces = Surfaces::new(Some(&hexagon_target()));
     let edge = |height: f64, sign: f64| {
-        let top = surfaces
-            .tops
+        let face = surfaces
+            .faces
             .iter()
             .find(|t| (t.height_m - height).abs() < 1e-9)
             .unwrap();
         let inside = |xi: f64| {
             let p = pose.body_to_tank(&hydroline_calib::frames::plane_to_body(&mounts, xi, 0.0));
-            top.outline.contains([p.x, p.y])
+            face.outline.contains([p.x, p.y])
         };
         let (mut a, mut b) = (0.0, sign * 0.3);
         assert!(inside(a) && !inside(b));
@@ -82,7 +82,7 @@ proptest! {
         let pose = Pose { x_m: x, y_m: y - mounts.l_laser_m * yaw.sin(), z_m: -0.83, psi_rad: yaw, ..Pose::default() };
         let chain = Chain::new(&hexagon_target()).unwrap();
         // The line crosses the centre line at Y = 0. Near a corner two places fit exactly:
-        // continuity has to be good to tell them apart.
+        // continuity has to be good to distinguish them.
         let sheet = pose.body_to_tank(&nalgebra::Vector3::new(mounts.l_laser_m, 0.0, 0.0));
         let x_s = sheet.x + sheet.y * yaw.tan();
         let fix = chain.fix(&crossing(&pose), (x_s + off, yaw + off)).unwrap();

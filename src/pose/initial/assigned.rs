@@ -1,12 +1,12 @@
-//! Places on a target whose tops lie far apart in height, pitch among what is looked for.
+//! Places on a target whose upper faces lie far apart in height, pitch among what is looked for.
 //!
-//! There a degree of pitch moves the steps of one top against those of the other by millimetres:
+//! There a degree of pitch moves the steps of one upper face against those of the other by millimetres:
 //! with θ = 0 the right place may fit worse than wrong ones. So every step is given to every
-//! edge that it can lie on, and x, y, ψ and θ are solved for each such assignment; which of them
-//! it is, is for the image to say. An assignment's solution depends on nothing but itself.
+//! edge that it can lie on, and x, y, ψ and θ are solved for each such assignment; the image
+//! decides which of them it is. An assignment's solution depends on nothing but itself.
 
 use super::{GRID_PSI_RAD, GRID_X_M, Guess, agrees, level_pose};
-use crate::outline::{Edge, Surfaces, Top};
+use crate::outline::{Edge, Surfaces, UpperFace};
 use crate::segments::{Levels, Step};
 use hydroline_calib::Pose;
 use hydroline_rigs::Mounts;
@@ -36,7 +36,7 @@ pub(crate) fn guesses(
     mounts: &Mounts,
     near: Option<(f64, f64)>,
 ) -> Vec<Guess> {
-    let steps = super::steps_on_tops(levels, surfaces);
+    let steps = super::steps_on_faces(levels, surfaces);
     if steps.len() < 3 || steps.len() > STEPS_MOST {
         return Vec::new();
     }
@@ -49,7 +49,7 @@ pub(crate) fn guesses(
         let edges: Vec<&Edge> = assignment
             .iter()
             .zip(&steps)
-            .map(|(k, (_, top))| &top.outline.edges[usize::from(*k)])
+            .map(|(k, (_, face))| &face.outline.edges[usize::from(*k)])
             .collect();
         let Some(guess) = solve(&edges, &arms, levels, mounts) else {
             continue;
@@ -59,14 +59,14 @@ pub(crate) fn guesses(
             found.push(guess);
         }
     }
-    // Small pitch first: among places that the steps tell apart by nothing else.
+    // Small pitch first: nothing else distinguishes places that fit the steps equally well.
     found.sort_by(|a, b| a.pose.theta_rad.abs().total_cmp(&b.pose.theta_rad.abs()));
     found
 }
 
 /// Which edges the steps can lie on, each such choice once.
 fn assignments(
-    steps: &[(&Step, &Top)],
+    steps: &[(&Step, &UpperFace)],
     arms: &[Vector3<f64>],
     levels: &Levels,
     surfaces: &Surfaces,
@@ -94,9 +94,9 @@ fn assignments(
             let options: Vec<Vec<u16>> = steps
                 .iter()
                 .zip(arms)
-                .map(|((step, top), arm)| {
+                .map(|((step, face), arm)| {
                     let arm = rotation * arm;
-                    edges_near(step, top, [pose.x_m + arm.x, pose.y_m + arm.y], psi_rad)
+                    edges_near(step, face, [pose.x_m + arm.x, pose.y_m + arm.y], psi_rad)
                 })
                 .collect();
             each_choice(&options, &mut Vec::new(), &mut all);
@@ -108,12 +108,12 @@ fn assignments(
     all
 }
 
-/// Edges of a top that look to where a step does, near its X.
-fn edges_near(step: &Step, top: &Top, p: [f64; 2], psi_rad: f64) -> Vec<u16> {
+/// Edges of an upper face that look to where a step does, near its X.
+fn edges_near(step: &Step, face: &UpperFace, p: [f64; 2], psi_rad: f64) -> Vec<u16> {
     let sign = if step.to_starboard { 1.0 } else { -1.0 };
     let side = [sign * psi_rad.sin(), -sign * psi_rad.cos()];
     (0u16..)
-        .zip(&top.outline.edges)
+        .zip(&face.outline.edges)
         .filter(|(_, e)| {
             let [low, high] = e.x_range_m;
             (low - p[0]).max(p[0] - high) < REACH_M

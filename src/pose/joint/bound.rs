@@ -1,4 +1,4 @@
-//! What a frame of a target can tell at best: the Cramér–Rao bound.
+//! The least covariance of a pose from one frame: the Cramér–Rao bound.
 
 use super::super::photometric::{ACROSS, Choice, LOCAL, PARAMETERS, State, Sums, TONE, UNEVEN};
 use super::solve::covariances;
@@ -22,7 +22,7 @@ impl PoseFitter {
     /// Bound on the covariance of (x, y, z, φ, θ, ψ, thickness) from one frame at a pose, with
     /// brightness, background and (unless held) thickness unknown: the inverse of Fisher's
     /// information of all pixels. The model's derivatives are exact, so that nothing of it is
-    /// information of a sampling lattice; light past upright corners tells nothing. All blur is taken to be the lens's:
+    /// information of a sampling lattice; light past upright corners has no information. All blur is taken to be the lens's:
     /// formed on the pixel grid it leaves edges along the columns up to 5 % sharper.
     /// `None` where the frame leaves something wholly open.
     pub fn bound(&self, pose: &Pose, light: &Light, thickness_known: bool) -> Option<Matrix7> {
@@ -47,7 +47,7 @@ impl PoseFitter {
             information,
             ..Sums::default()
         };
-        self.know(&mut sums, &state);
+        self.add_priors(&mut sums, &state);
         covariances(&sums, &free, None).map(|[alone, _]| alone)
     }
 }

@@ -1,37 +1,37 @@
-//! What is known of a camera's response, and how much a frame says of it.
+//! What is known of a camera's response, and how well a frame determines it.
 //!
-//! A frame alone tells it badly, and where it is free x, z and θ are known half as well again. It is the camera's and not the
-//! frame's: some frames at the start of a run are fitted with it open, what they say is put together
+//! A frame alone determines it badly, and where it is free x, z and θ are known half as well again. It is the camera's and not the
+//! frame's: some frames at the start of a run are fitted with it open, their estimates are pooled
 //! ([`CameraResponse::of_opening`]), and from then on it is fixed. What of it is not known goes into each pose's covariance
 //! as a consider parameter (Schmidt 1966; Tapley, Schutz and Born 2004, chapter 6).
 
-use super::super::photometric::{ACROSS, BLACK, LINE, Left, OF_RUN, State, TONE};
+use super::super::photometric::{ACROSS, BLACK, LINE, LineResiduals, OF_RUN, State, TONE};
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
-mod beforehand;
+mod response_prior;
 
-pub use beforehand::Beforehand;
+pub use response_prior::ResponsePrior;
 
 const _: () = assert!(TONE + 1 == BLACK && BLACK + 1 == LINE && OF_RUN == 2 + ACROSS);
 
-/// ln γ, b \[grey levels\], and the line's c₃…c₆.
+/// ln γ, b \[grey levels\], and the line's c₃…c₁₀.
 pub type OfRun = SVector<f64, OF_RUN>;
 /// Of these, squared.
 pub type OfRun2 = SMatrix<f64, OF_RUN, OF_RUN>;
 
-/// What is thought of them beforehand where the response is not one that leaves light as it is: cameras for people have
+/// Their prior sds where the response is not one that leaves light as it is: cameras for people have
 /// γ = 0.42–0.5, which is ln γ = −0.8; black is 16 in video, and sRGB's and BT.709's are a power with black levels of −14
 /// and −25 \[1, grey levels\]. A line with a flat top has c₄ of −0.03, one with wings of a tenth to a fifth of its light up to
 /// 0.05, one with a side lobe c₃ of as much; the rest are smaller.
 pub(super) const PRIOR_SD: [f64; OF_RUN] =
     [0.6, 16.0, 0.05, 0.05, 0.02, 0.02, 0.002, 0.001, 2e-4, 1e-4];
-/// Probability beforehand that a camera leaves light as it is: machine vision does, cameras for people do not.
+/// Prior probability that a camera leaves light as it is: machine vision does, cameras for people do not.
 const LINEAR_PROBABILITY: f64 = 0.5;
-/// Where it does not, ln γ is one of these beforehand: shares and sds. Half are cameras for people, half leave light nearly as
-/// it is: sensors that bend a little, and pictures that a curve was taken off.
+/// Where it does not, the prior of ln γ is a mixture of these: shares and sds. Half are cameras for people, half leave light nearly as
+/// it is: slightly nonlinear sensors, and images that were linearised.
 const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
 
-/// A camera's response g = b + 255 (L/255)^γ and what the line has across it, known to their covariance.
+/// A camera's response g = b + 255 (L/255)^γ and the line's transverse profile, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraResponse {
     /// What is held.
@@ -57,7 +57,7 @@ impl CameraResponse {
         mean: of_constants([0.0; OF_RUN]),
         covariance: diagonal([0.0; OF_RUN]),
     };
-    /// Nothing but what is thought beforehand: the weak direction of each pose is as wide as that makes it.
+    /// The prior alone: the weak direction of each pose is as wide as that makes it.
     pub const UNKNOWN: CameraResponse = {
         let curve = 1.0 - LINEAR_PROBABILITY;
         let mut variances = [0.0; OF_RUN];
@@ -73,7 +73,7 @@ impl CameraResponse {
         }
     };
 
-    /// What the line has across it.
+    /// The line's transverse profile.
     pub(super) fn across(&self) -> [f64; ACROSS] {
         std::array::from_fn(|k| self.mean[2 + k])
     }
@@ -95,12 +95,12 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 
 impl CameraResponse {
     /// What is not known of it; `None` where it is known for certain.
-    pub(super) fn doubt(&self) -> Option<&OfRun2> {
+    pub(super) fn considered(&self) -> Option<&OfRun2> {
         (self.covariance != OfRun2::zeros()).then_some(&self.covariance)
     }
 }
 
-/// What a frame with the response open says of it.
+/// Estimate of the response from a frame fitted with it open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseSeen {
     /// Where it lies.
@@ -108,51 +108,53 @@ pub struct ResponseSeen {
     /// Information of the frame alone, all else free.
     pub information: OfRun2,
     /// What it leaves across the line.
-    pub left: Left,
+    pub line_residuals: LineResiduals,
 }
 
 impl CameraResponse {
-    /// What some frames of a camera that nothing is stated of say together; `None` where they are fewer than three.
+    /// Pooled estimate from some frames of a camera of which the rig states nothing; `None` where they are fewer than three.
     pub fn of_opening(seen: &[ResponseSeen]) -> Option<CameraResponse> {
-        Self::of_opening_knowing(seen, &Beforehand::OF_CAMERAS)
+        Self::of_opening_with_prior(seen, &ResponsePrior::OF_CAMERAS)
     }
 
-    /// What some frames say together, fitted under what is known beforehand; `None` where they are fewer than three.
+    /// Pooled estimate from some frames fitted under a prior; `None` where they are fewer than three.
     ///
-    /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with half of the
-    /// probability beforehand. The four that they make up have their evidence (Savage and Dickey: how likely the values of a
-    /// simpler one were beforehand over how likely they are now), and what comes out is the mean of the likeliest and the
-    /// spread of all about it. Where the rig states the camera's curve, only the line is asked whether it is simpler.
-    pub fn of_opening_knowing(
+    /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with a
+    /// prior probability of one half. The four that they make up have their evidence (Savage and Dickey: prior over posterior density at the values of the
+    /// simpler one), and what comes out is the mean of the likeliest and the
+    /// spread of all about it. Where the rig states the camera's curve, only the line's hypotheses are compared.
+    pub fn of_opening_with_prior(
         seen: &[ResponseSeen],
-        beforehand: &Beforehand,
+        response_prior: &ResponsePrior,
     ) -> Option<CameraResponse> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
-        // Frames that differ by more than they say know less than they say (Birge 1932), and so does a line that the series
+        // Frames that scatter by more than their sds have larger sds (Birge 1932), and so does a line that the series
         // does not hold: what it leaves looks like a curve.
-        let prior = &beforehand.information;
-        let seen = &about(seen, &beforehand.mean);
+        let prior = &response_prior.information;
+        let seen = &about(seen, &response_prior.mean);
         let at_first = pooled(seen, prior, 1.0)?.0;
-        let left = seen
+        let line_residuals = seen
             .iter()
-            .fold(Left::default(), |left, frame| left.and(&frame.left));
-        let times = scatter(seen, prior, at_first).max(left.in_noise());
+            .fold(LineResiduals::default(), |line_residuals, frame| {
+                line_residuals.and(&frame.line_residuals)
+            });
+        let times = scatter(seen, prior, at_first).max(line_residuals.in_noise());
         let all = pooled(seen, prior, times)?;
-        let found: Vec<Simpler> = [[false, false], [true, false], [false, true], [true, true]]
+        let found: Vec<Hypothesis> = [[false, false], [true, false], [false, true], [true, true]]
             .into_iter()
-            .filter(|[straight, _]| !(*straight && beforehand.is_stated()))
-            .filter_map(|[straight, gaussian]| Simpler::of(&all, straight, gaussian))
+            .filter(|[straight, _]| !(*straight && response_prior.is_stated()))
+            .filter_map(|[straight, gaussian]| Hypothesis::of(&all, straight, gaussian))
             .collect();
         let best = found
             .iter()
             .map(|h| h.ln_evidence)
             .fold(f64::NEG_INFINITY, f64::max);
-        let weight = |h: &Simpler| (h.ln_evidence - best).exp();
+        let weight = |h: &Hypothesis| (h.ln_evidence - best).exp();
         let sum: f64 = found.iter().map(weight).sum();
         // Held at the likeliest of them: where a camera leaves light as it is and nothing speaks against it, its poses are those
-        // of one that is known to. What the others say is in the covariance, which is about there.
+        // of one that is known to. The spread of the others is in the covariance, which is about there.
         let likeliest = found
             .iter()
             .max_by(|a, b| a.ln_evidence.total_cmp(&b.ln_evidence))?;
@@ -163,34 +165,37 @@ impl CameraResponse {
         });
         // Its lower triangle is what a log keeps: replays are to have the same bits.
         let covariance = OfRun2::from_fn(|i, j| covariance[(i.max(j), i.min(j))]);
-        Some(beforehand.as_stated(mean + beforehand.mean, covariance))
+        Some(response_prior.as_stated(mean + response_prior.mean, covariance))
     }
 
-    /// ln γ and its sd as frames alone say it that were fitted under what the rig states, at the black level that goes with
-    /// it: what the statement is held against. `None` where they do not say it.
-    pub fn of_frames_alone(seen: &[ResponseSeen], beforehand: &Beforehand) -> Option<[f64; 2]> {
+    /// ln γ and its sd from frames alone that were fitted under what the rig states, at the black level that goes with
+    /// it: what the statement is compared with. `None` where they do not determine it.
+    pub fn of_frames_alone(
+        seen: &[ResponseSeen],
+        response_prior: &ResponsePrior,
+    ) -> Option<[f64; 2]> {
         if seen.len() < Self::FRAMES_LEAST {
             return None;
         }
-        let seen = &about(seen, &beforehand.mean);
-        let known = &beforehand.information;
-        let prior = &Beforehand::OF_CAMERAS.information;
+        let seen = &about(seen, &response_prior.mean);
+        let known = &response_prior.information;
+        let prior = &ResponsePrior::OF_CAMERAS.information;
         let (mut information, mut right) = (*prior, OfRun::zeros());
-        let mut left = Left::default();
+        let mut line_residuals = LineResiduals::default();
         for frame in seen {
             information += frame.information;
-            // What the prior pulled at is not the frame's.
+            // The prior's part of the estimate is not the frame's.
             right += (frame.information + known) * frame.mean;
-            left = left.and(&frame.left);
+            line_residuals = line_residuals.and(&frame.line_residuals);
         }
         let covariance = information.cholesky()?.inverse();
-        let times = left.in_noise().max(1.0);
-        let ln_gamma = (covariance * right)[0] + beforehand.mean[0];
+        let times = line_residuals.in_noise().max(1.0);
+        let ln_gamma = (covariance * right)[0] + response_prior.mean[0];
         Some([ln_gamma, (times * covariance[(0, 0)]).sqrt()])
     }
 }
 
-/// What frames say, counted from what was held beforehand: the prior then pulls at zero.
+/// The frames' estimates relative to the prior's mean: the prior then has its mean at zero.
 fn about(seen: &[ResponseSeen], mean: &OfRun) -> Vec<ResponseSeen> {
     let about = |frame: &ResponseSeen| ResponseSeen {
         mean: frame.mean - mean,
@@ -199,16 +204,20 @@ fn about(seen: &[ResponseSeen], mean: &OfRun) -> Vec<ResponseSeen> {
     seen.iter().map(about).collect()
 }
 
-/// What is known under a hypothesis by which some of it is zero.
-struct Simpler {
+/// The estimate under a hypothesis by which some of it is zero.
+struct Hypothesis {
     mean: OfRun,
     covariance: OfRun2,
     /// Of its probability, over that of the one by which nothing is.
     ln_evidence: f64,
 }
 
-impl Simpler {
-    fn of((mean, covariance): &(OfRun, OfRun2), straight: bool, gaussian: bool) -> Option<Simpler> {
+impl Hypothesis {
+    fn of(
+        (mean, covariance): &(OfRun, OfRun2),
+        straight: bool,
+        gaussian: bool,
+    ) -> Option<Hypothesis> {
         let zero: Vec<usize> = (0..OF_RUN)
             .filter(|k| {
                 if *k < 2 {
@@ -226,7 +235,7 @@ impl Simpler {
         let with = DMatrix::from_fn(OF_RUN, zero.len(), |i, j| covariance[(i, zero[j])]);
         let inverse = own.inverse();
         let gains = &with * &inverse;
-        let mut found = Simpler {
+        let mut found = Hypothesis {
             mean: mean - OfRun::from_iterator((&gains * &off).iter().copied()),
             covariance: covariance
                 - OfRun2::from_iterator((&gains * with.transpose()).iter().copied()),
@@ -259,7 +268,7 @@ impl Simpler {
     }
 }
 
-/// Mean and covariance of what frames say, their covariances times a factor.
+/// Mean and covariance of the frames' estimates together, their covariances times a factor.
 fn pooled(seen: &[ResponseSeen], prior: &OfRun2, times: f64) -> Option<(OfRun, OfRun2)> {
     let (mut information, mut right) = (*prior, OfRun::zeros());
     for frame in seen {
@@ -271,7 +280,7 @@ fn pooled(seen: &[ResponseSeen], prior: &OfRun2, times: f64) -> Option<(OfRun, O
     Some((covariance * right, covariance))
 }
 
-/// By how much ln γ of the frames differs from their mean, squared, over what they say of that; at least one (Birge 1932).
+/// By how much ln γ of the frames differs from their mean, squared, over the variance that they claim; at least one (Birge 1932).
 fn scatter(seen: &[ResponseSeen], prior: &OfRun2, mean: OfRun) -> f64 {
     let off = |frame: &ResponseSeen| {
         let variance = (frame.information + prior).try_inverse()?[(0, 0)];
@@ -294,7 +303,7 @@ mod tests {
         let seen = |tone: &f64| ResponseSeen {
             mean: of(*tone, black),
             information: OfRun2::from_diagonal(&of(1.0 / (sd * sd), 1.0)),
-            left: Left::default(),
+            line_residuals: LineResiduals::default(),
         };
         tones.iter().map(seen).collect()
     }

@@ -1,23 +1,23 @@
 //! Which of several places on the target a frame shows.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, PARAMETERS, Picture, Plan, State, TONE, Weighting,
+    Choice, EdgeModelError, PARAMETERS, Picture, Plan, RunParameters, State, TONE, Weighting,
 };
-use super::settle::{Settled, first_step, sane};
+use super::lm_loop::{Convergence, first_step, plausible};
 use super::solve::{equations, in_si};
-use super::valley::Valley;
+use super::weak_direction::WeakDirection;
 use super::{PoseCaveat, PoseFitter};
 use hydroline_stripe::Profile;
 
 /// Cost by which the best guess must beat a different one: log-likelihood ratio.
 const CLEAR_COST: f64 = 12.0;
-/// Places are told apart, and a pose is first settled, on some of the columns.
+/// Places are distinguished, and a pose is first fitted, on some of the columns.
 const TO_CHOOSE: Choice = Choice {
     step: 7,
     keep: 3,
     room_m: 0.003,
 };
-/// Tops far apart in height offer many places that differ little.
+/// Upper faces far apart in height offer many places that differ little.
 const TO_CHOOSE_TALL: Choice = Choice {
     step: 3,
     keep: 4,
@@ -29,7 +29,7 @@ const ELSEWHERE_M: f64 = 0.002;
 const BEHIND: f64 = 3.0;
 
 impl PoseFitter {
-    /// Settles every start a little: the places that they come to, the likeliest first.
+    /// A few steps of the fit from every start: the places that they come to, the likeliest first.
     pub(super) fn choose(
         &self,
         picture: &Picture<'_>,
@@ -46,19 +46,19 @@ impl PoseFitter {
             cut: 8.0,
             redescending: true,
             response: self.response(picture.ceiling),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: true,
         };
-        // θ is settled later, and cannot tell flanks apart; unless the tops are so far apart in
+        // θ is fitted later, and does not distinguish flanks; unless the upper faces are so far apart in
         // height that a degree moves their edges by millimetres against each other.
         let tall = self.tall();
         let mut held = *free;
         held[4] = free[4] && tall;
         held[TONE..].fill(false);
         let (choice, tries) = if tall {
-            (TO_CHOOSE_TALL, (6, Settled::All(4e-4)))
+            (TO_CHOOSE_TALL, (6, Convergence::All(4e-4)))
         } else {
-            (TO_CHOOSE, (2, Settled::All(0.04)))
+            (TO_CHOOSE, (2, Convergence::All(0.04)))
         };
         let huber = Weighting {
             cut: 4.0,
@@ -69,18 +69,18 @@ impl PoseFitter {
         // is free: half the gradient's way (Gauss–Newton) below its own.
         let judged = |start: State| {
             let plan = self.model.plan(&start, choice);
-            let none = &mut Doubts::default();
+            let none = &mut EdgeModelError::default();
             let mut sums = self
                 .model
                 .compare(&plan, picture, &start, &huber, none, true);
-            self.know(&mut sums, &start);
-            let valley = Valley::new(&start.pose, &self.mounts);
-            let equations = equations(&sums, &valley);
+            self.add_priors(&mut sums, &start);
+            let weak_direction = WeakDirection::new(&start.pose, &self.mounts);
+            let equations = equations(&sums, &weak_direction);
             let step = first_step(&equations, &held);
             let gain = step.map_or(0.0, |s| -0.5 * s.dot(&equations.gradient));
             // The way there is known: it need not be found again, unless it is far.
-            let next = step.map_or(start, |s| valley.moved(&start, &in_si(&s)));
-            let near = sane(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
+            let next = step.map_or(start, |s| weak_direction.moved(&start, &in_si(&s)));
+            let near = plausible(&next) && self.shift_m(&start.pose, &next.pose) <= choice.room_m;
             let start = if near { next } else { start };
             let least = 0.1 * sums.cost;
             let pixels = sums.tally.pixels.max(1) as f64;
@@ -89,7 +89,7 @@ impl PoseFitter {
         let mut first: Vec<(f64, State, Plan)> = starts.into_iter().map(judged).collect();
         first.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Near a corner of the hexagons the steps are off by up to a millimetre and so are all
-        // guesses: those that do not fall far behind are settled a little before they are compared.
+        // guesses: those that do not fall far behind make a few steps before they are compared.
         let limit = first.first().map_or(0.0, |f| BEHIND * f.0);
         first.retain(|f| f.0 <= limit);
         if let [(_, only, _)] = first.as_slice() {
@@ -98,8 +98,8 @@ impl PoseFitter {
         let mut tried: Vec<(f64, State, f64)> = first
             .into_iter()
             .filter_map(|(_, start, plan)| {
-                let none = &mut Doubts::default();
-                let (state, _) = self.settle(
+                let none = &mut EdgeModelError::default();
+                let (state, _) = self.converge(
                     &self.model,
                     &plan,
                     picture,

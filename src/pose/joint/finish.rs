@@ -1,10 +1,10 @@
 //! From one start to the pose, with covariance.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, State, Sums,
-    Weighting, light_per_grey,
+    Choice, EdgeModelError, LINE, LOCAL, PARAMETERS, Photometric, Picture, Plan, RunParameters,
+    State, Sums, Weighting, light_per_grey,
 };
-use super::settle::{Settled, lit_noise, sane};
+use super::lm_loop::{Convergence, lit_noise, plausible};
 use super::solve::{covariances, response_seen};
 use super::{
     CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
@@ -19,8 +19,8 @@ const MISFIT: f64 = 4.0;
 const ITERATIONS: usize = 14;
 /// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be
 /// left straight: at an approach, and at the end.
-const BENT_APPROACHED: [f64; 2] = [0.1, 4.0];
-const BENT_SETTLED: [f64; 2] = [0.02, 0.5];
+const RESPONSE_APPROACHED: [f64; 2] = [0.1, 4.0];
+const RESPONSE_CONVERGED: [f64; 2] = [0.02, 0.5];
 /// Where more of the columns than this are clipped at their peak, the flanks that are left are fitted by a Gaussian: what of the
 /// line they show follows from there.
 const CLIPPED_LINE: f64 = 0.3;
@@ -28,16 +28,16 @@ const CLIPPED_LINE: f64 = 0.3;
 const PLANS: usize = 4;
 /// The same where the camera's curve is sought too.
 const PLANS_OPEN: usize = 12;
-/// The squared way to go, in sds, from which one more step is enough without looking at it again. What a
-/// step of n sds leaves is the bend of the light over it, found to be n²/60 sds: of three sds a
-/// seventh at most, by which the estimate scatters a hundredth more. The edges' doubts and the
+/// The squared Newton decrement, in sds, below which one more step is taken unchecked. What a
+/// step of n sds leaves is the nonlinearity of the light over it, found to be n²/60 sds: of three sds a
+/// seventh at most, by which the estimate scatters a hundredth more. The edges' model error and the
 /// covariance are those of before that step.
-const SETTLED: f64 = 9.0;
-/// What is only a start for the next fit, of other pixels, need not come nearer than these pixels say.
+const CONVERGED: f64 = 9.0;
+/// What is only a start for the next fit, of other pixels, need not be better than these pixels determine it.
 const NEARLY: f64 = 100.0;
 const APPROACHED: f64 = 100.0;
 /// Where the noise is known well enough to go on with.
-const ROUGHLY: f64 = 1000.0;
+const COARSE: f64 = 1000.0;
 /// Of the columns without edges every so many, until the last look.
 const FEW: usize = 3;
 const TO_APPROACH: Choice = Choice {
@@ -56,8 +56,8 @@ const TO_FINISH: Choice = Choice {
     ..Choice::ALL
 };
 
-/// Whether the camera's curve has changed by more between two states.
-fn bent(a: &State, b: &State, [tone, black]: [f64; 2]) -> bool {
+/// Whether the camera's curve has changed by more than this between two states.
+fn response_changed(a: &State, b: &State, [tone, black]: [f64; 2]) -> bool {
     // Without a curve the black level is one with the background, and moves nothing.
     let curved = (1.0 - b.tone.exp()).abs();
     (a.tone - b.tone).abs() > tone || (a.black - b.black).abs() * curved > black
@@ -79,66 +79,74 @@ impl PoseFitter {
         if picture.clipped_share > CLIPPED_LINE {
             free[LINE..LOCAL].fill(false);
         }
-        let doubt = self.camera.as_ref().and_then(CameraResponse::doubt);
-        let [curve, curve_at_last] = match (self.camera, doubt) {
-            (None, _) => [Curve::Sought; 2],
-            (_, Some(_)) => [Curve::Known, Curve::Doubted],
-            _ => [Curve::Known; 2],
+        let considered = self.camera.as_ref().and_then(CameraResponse::considered);
+        let [run_parameters, run_parameters_at_last] = match (self.camera, considered) {
+            (None, _) => [RunParameters::Estimated; 2],
+            (_, Some(_)) => [RunParameters::Known, RunParameters::Considered],
+            _ => [RunParameters::Known; 2],
         };
         let mut weighting = Weighting {
             noise_sd: profile.noise_sd.max(0.3),
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            curve,
+            run_parameters,
             even: false,
         };
         let (mut from, mut sums) = self
             .approach(model, picture, start, &free, &mut weighting)
-            .ok_or(PoseFault::Unsettled)?;
+            .ok_or(PoseFault::NotConverged)?;
         weighting.cut = CUT;
         weighting.redescending = true;
         let mut again = self.plans();
-        let (state, sums, edge_doubt) = loop {
+        let (state, sums, edge_model_error) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
-            let mut settle = |plan: &Plan, from: State, sums: &Sums, settled: f64, curve| {
-                weighting.curve = curve;
-                weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
-                let doubts = &mut Doubts::found(&sums.edges, weighting.noise_sd);
-                let limits = (ITERATIONS, Settled::Bending(settled));
-                weighting.respond(&from, picture.ceiling);
-                self.settle(
-                    model, plan, picture, from, &free, &weighting, doubts, limits,
-                )
-                .ok_or(PoseFault::Unsettled)
-            };
+            let mut converge =
+                |plan: &Plan, from: State, sums: &Sums, converged: f64, run_parameters| {
+                    weighting.run_parameters = run_parameters;
+                    weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
+                    let model_error = &mut EdgeModelError::found(&sums.edges, weighting.noise_sd);
+                    let limits = (ITERATIONS, Convergence::Nonlinear(converged));
+                    weighting.respond(&from, picture.ceiling);
+                    self.converge(
+                        model,
+                        plan,
+                        picture,
+                        from,
+                        &free,
+                        &weighting,
+                        model_error,
+                        limits,
+                    )
+                    .ok_or(PoseFault::NotConverged)
+                };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = settle(&few, from, &sums, NEARLY, curve)?;
-            let (state, all) = settle(&plan, near, &edges, SETTLED, curve_at_last)?;
-            let bent = bent(&near, &state, BENT_SETTLED);
+            let (near, edges) = converge(&few, from, &sums, NEARLY, run_parameters)?;
+            let (state, all) = converge(&plan, near, &edges, CONVERGED, run_parameters_at_last)?;
+            let response_changed = response_changed(&near, &state, RESPONSE_CONVERGED);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
-            if again == 0 || !(moved || bent) {
-                let edge_doubt = edges.edges.doubt(weighting.noise_sd);
-                break (state, all, edge_doubt);
+            if again == 0 || !(moved || response_changed) {
+                let edge_model_error = edges.edges.model_error_sd(weighting.noise_sd);
+                break (state, all, edge_model_error);
             }
             (from, sums) = (state, all);
         };
         let rejected = sums.tally.rejected as f64
             / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
-        // Relative to the frame's own dark noise the residual says whether the model holds at all.
+        // Relative to the frame's own dark noise the residual shows whether the model holds at all.
         let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
         let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let light = LightSeen::of(picture, &state);
-        if chi > MISFIT || !sane(&state) {
+        if chi > MISFIT || !plausible(&state) {
             return Err(PoseFault::Unexplained { chi, light });
         }
         if rejected > 0.05 || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
         let [alone, covariance_with_thickness] =
-            covariances(&sums, &free, doubt).ok_or(PoseFault::Unsettled)?;
+            covariances(&sums, &free, considered).ok_or(PoseFault::NotConverged)?;
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &all_free),
             Some(_) => None,
@@ -162,13 +170,13 @@ impl PoseFitter {
             uneven: state.uneven,
             noise_sd: weighting.noise_sd,
             rejected,
-            edge_doubt,
+            edge_model_error,
             pixels: sums.tally.pixels,
             caveats,
         })
     }
 
-    /// What a frame says of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
+    /// A frame's estimate of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
     /// along the line that looks like a curve of a few hundredths of ln γ.
     fn response_seen(
         &self,
@@ -179,13 +187,13 @@ impl PoseFitter {
         free: &[bool; PARAMETERS],
     ) -> Option<ResponseSeen> {
         let plan = model.plan(state, TO_FINISH).uncut();
-        let none = &mut Doubts::default();
+        let none = &mut EdgeModelError::default();
         let mut sums = model.compare(&plan, picture, state, weighting, none, true);
-        self.know(&mut sums, state);
+        self.add_priors(&mut sums, state);
         // Without edges there is no x, y and ψ.
         let mut free = *free;
         [free[0], free[1], free[5]] = [false; 3];
-        response_seen(&sums, state, &free, &self.beforehand)
+        response_seen(&sums, state, &free, &self.response_prior)
     }
 
     /// From a start to about the pose, on some of the pixels; these are chosen anew as long as the pose leaves the room
@@ -205,11 +213,12 @@ impl PoseFitter {
         let mut from = start;
         for again in (0..self.plans()).rev() {
             let plan = model.plan(&from, choice);
-            let mut settle = |from: State, settled: f64| {
-                let none = &mut Doubts::default();
-                let limits = (6, Settled::All(settled));
+            let mut converge = |from: State, converged: f64| {
+                let none = &mut EdgeModelError::default();
+                let limits = (6, Convergence::All(converged));
                 weighting.respond(&from, picture.ceiling);
-                let found = self.settle(model, &plan, picture, from, free, weighting, none, limits);
+                let found =
+                    self.converge(model, &plan, picture, from, free, weighting, none, limits);
                 // Noise in the lit pixels: dark ones are clipped at zero, and have no shot noise. It is
                 // known once the fit is about there.
                 let noise_sd = found.as_ref().and_then(|(_, sums)| lit_noise(sums));
@@ -218,17 +227,17 @@ impl PoseFitter {
             };
             let in_room = |state: &State| {
                 let moved = self.shift_m(&from.pose, &state.pose) > choice.room_m;
-                again == 0 || !(moved || bent(&from, state, BENT_APPROACHED))
+                again == 0 || !(moved || response_changed(&from, state, RESPONSE_APPROACHED))
             };
-            let (rough, _) = settle(from, ROUGHLY)?;
-            from = if in_room(&rough) {
-                let (state, sums) = settle(rough, APPROACHED)?;
+            let (coarse, _) = converge(from, COARSE)?;
+            from = if in_room(&coarse) {
+                let (state, sums) = converge(coarse, APPROACHED)?;
                 if in_room(&state) {
                     return Some((state, sums));
                 }
                 state
             } else {
-                rough
+                coarse
             };
         }
         None

@@ -6,7 +6,7 @@
 //! alone), and the sum over the frames is brought to its minimum by Newton's method with central
 //! differences. The inverse of its second derivatives is the geometry's covariance.
 //!
-//! Seen from a body frame turned so that its x axis is the sheet's normal, a tilted sheet is an
+//! Seen from a body frame rotated so that its x axis is the sheet's normal, a tilted sheet is an
 //! upright one in front of a camera that sits and looks otherwise: nothing else changes.
 //!
 //! [`PoseFitter::refined`] then fits single frames under it.
@@ -15,12 +15,12 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, Curve, Doubts, PARAMETERS, Photometric, Picture, Plan, State, Sums, THICKNESS,
-    Weighting,
+    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, Plan, RunParameters, State, Sums,
+    THICKNESS, Weighting,
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;
-use super::settle::{Settled, lit_noise};
+use super::lm_loop::{Convergence, lit_noise};
 use super::{Hint, PoseFitter};
 use crate::initial;
 use hydroline_calib::Pose;
@@ -39,8 +39,8 @@ pub const FRAMES_MIN: usize = 3;
 /// Differences by which a geometry is tried at first \[rad\], \[rad\], \[m\].
 const TRIED: [f64; 3] = [5e-4, 5e-4, 2e-6];
 const ITERATIONS: usize = 8;
-/// Way to go, squared, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
-const FRAME_SETTLED: f64 = 1e-3;
+/// Squared Newton decrement, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
+const FRAME_CONVERGED: f64 = 1e-3;
 const FRAME_ITERATIONS: usize = 12;
 /// Half of the columns without edges; the poses move little.
 const COLUMNS: Choice = Choice {
@@ -49,7 +49,7 @@ const COLUMNS: Choice = Choice {
     room_m: 0.003,
 };
 /// A step of less than this share of the sd ends it.
-const SETTLED_SD: f64 = 0.1;
+const CONVERGED_SD: f64 = 0.1;
 /// Tilt beyond which the sheet is not nearly where the rig says \[rad\] (6°).
 const TILT_MOST_RAD: f64 = 0.1;
 
@@ -89,11 +89,11 @@ pub struct Geometry {
 /// Refined geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// What was asked for.
+    /// What was wanted.
     pub wanted: Wanted,
-    /// As found; what was not asked for is as the rig has it.
+    /// As found; what was not wanted is as the rig has it.
     pub geometry: Geometry,
-    /// Covariance of the two tilts and the thickness \[rad², m²\]; zero where not asked for.
+    /// Covariance of the two tilts and the thickness \[rad², m²\]; zero where not wanted.
     pub covariance: Matrix3<f64>,
     /// Mean brightness of the line \[grey levels\], and its standard deviation from frame to frame.
     pub brightness: [f64; 2],
@@ -112,9 +112,9 @@ pub enum RefineError {
     },
     /// Newton.
     #[error(
-        "the frames do not settle on a geometry: do they show the target, and does the vehicle move over it?"
+        "the frames do not converge to a geometry: do they show the target, and does the vehicle move over it?"
     )]
-    Unsettled,
+    NotConverged,
     /// Far off.
     #[error(
         "the sheet would have to be tilted by more than {:.0} deg: is it the rig's?",
@@ -143,12 +143,12 @@ impl Geometry {
     fn table(self, upright: &SheetTable) -> SheetTable {
         let normal_length =
             (1.0 + self.tilt_pitch_rad.tan().powi(2) + self.tilt_yaw_rad.tan().powi(2)).sqrt();
-        upright.turned(&self.turn(), upright.l_laser_m / normal_length)
+        upright.rotated(&self.turn(), upright.l_laser_m / normal_length)
     }
 }
 
-/// The body's pose from that of the turned frame, or back with the inverse.
-fn turned(pose: &Pose, turn: &Rotation3<f64>) -> Pose {
+/// The body's pose from that of the rotated frame, or back with the inverse.
+fn rotated(pose: &Pose, turn: &Rotation3<f64>) -> Pose {
     let rotation = Rotation3::from_matrix_unchecked(pose.body_to_tank_rotation()) * turn;
     let (phi_rad, theta_rad, psi_rad) = rotation.euler_angles();
     Pose {
@@ -174,7 +174,7 @@ struct Step {
 }
 
 /// Refines the geometry over frames of a run, each with its hint. A frame that has no pose under some
-/// geometry on the way is left out.
+/// geometry on the way is discarded.
 ///
 /// # Errors
 /// [`RefineError`].
@@ -209,7 +209,7 @@ pub fn refine(
     for _ in 0..ITERATIONS {
         let step = newton(fitter, frames, &mut own, geometry, tried, axes);
         enough(&own)?;
-        let step = step.ok_or(RefineError::Unsettled)?;
+        let step = step.ok_or(RefineError::NotConverged)?;
         let in_sds = |i: usize| {
             let sd = step.covariance[(i, i)].sqrt();
             if axes[i] {
@@ -228,7 +228,7 @@ pub fn refine(
         if !nearly {
             return Err(RefineError::Tilted);
         }
-        // Differences of a few sds next: wider ones see the cost's bends, narrower ones its noise.
+        // Differences of a few sds next: wider ones see the cost's higher derivatives, narrower ones its noise.
         for (i, tried) in tried.iter_mut().enumerate() {
             if !axes[i] {
                 continue;
@@ -236,7 +236,7 @@ pub fn refine(
             let sd = step.covariance[(i, i)].sqrt();
             *tried = (4.0 * sd).min(TRIED[i]).max(0.1 * TRIED[i]);
         }
-        if (0..3).all(|i| in_sds(i) < SETTLED_SD) {
+        if (0..3).all(|i| in_sds(i) < CONVERGED_SD) {
             let found = Found {
                 wanted,
                 geometry,
@@ -245,7 +245,7 @@ pub fn refine(
             return Ok(finished(found, &own, frames.len()));
         }
     }
-    Err(RefineError::Unsettled)
+    Err(RefineError::NotConverged)
 }
 
 fn enough(own: &[Own]) -> Result<(), RefineError> {
@@ -255,7 +255,7 @@ fn enough(own: &[Own]) -> Result<(), RefineError> {
     Ok(())
 }
 
-/// What was asked for and what was found.
+/// What was wanted and what was found.
 struct Found {
     wanted: Wanted,
     geometry: Geometry,
@@ -290,7 +290,7 @@ fn finished(found: Found, own: &[Own], frames: usize) -> Refined {
 }
 
 /// One Newton step from a geometry along some of its axes; the frames' states are brought to it, and
-/// frames that cannot be are left out.
+/// frames that cannot be are discarded.
 fn newton(
     fitter: &PoseFitter,
     frames: &[(GreyImage, Profile, Hint)],
@@ -340,14 +340,14 @@ fn newton(
         let tried = places.iter().zip(&sums).find(|(place, _)| **place == by);
         tried.map_or(0.0, |(_, sum)| sum - sums[0])
     };
-    // In units of what is tried; an axis that is not asked for has a bend of one and stays.
+    // In units of what is tried; an axis that is not wanted has a second derivative of one and stays.
     let along = |i: usize, sign: f64| {
         let mut by = [0.0; 3];
         by[i] = sign;
         at(by)
     };
     let gradient = Vector3::from_fn(|i, _| 0.5 * (along(i, 1.0) - along(i, -1.0)));
-    let mut bend = Matrix3::from_fn(|i, j| match (i == j, axes[i]) {
+    let mut hessian = Matrix3::from_fn(|i, j| match (i == j, axes[i]) {
         (true, true) => along(i, 1.0) + along(i, -1.0),
         (true, false) => 1.0,
         _ => 0.0,
@@ -356,9 +356,9 @@ fn newton(
         let mut both = [0.0; 3];
         (both[i], both[j]) = (1.0, 1.0);
         let cross = at(both) - along(i, 1.0) - along(j, 1.0);
-        (bend[(i, j)], bend[(j, i)]) = (cross, cross);
+        (hessian[(i, j)], hessian[(j, i)]) = (cross, cross);
     }
-    let inverse = bend.cholesky()?.inverse();
+    let inverse = hessian.cholesky()?.inverse();
     let by = -inverse * gradient;
     Some(Step {
         by: std::array::from_fn(|i| by[i] * sizes[i]),
@@ -395,9 +395,9 @@ impl PoseFitter {
         let start = *places.first()?;
         let plan = self.model.plan(&start, COLUMNS);
         let huber = self.first_weighting(picture, profile);
-        let none = &mut Doubts::default();
-        let limits = (FRAME_ITERATIONS, Settled::All(FRAME_SETTLED));
-        let settled = self.settle(
+        let none = &mut EdgeModelError::default();
+        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
+        let converged = self.converge(
             &self.model,
             &plan,
             picture,
@@ -407,7 +407,7 @@ impl PoseFitter {
             none,
             limits,
         )?;
-        Some(settled.0)
+        Some(converged.0)
     }
 
     fn first_weighting(&self, picture: &Picture<'_>, profile: &Profile) -> Weighting {
@@ -416,7 +416,7 @@ impl PoseFitter {
             cut: 4.0,
             redescending: false,
             response: self.response(picture.ceiling),
-            curve: Curve::Known,
+            run_parameters: RunParameters::Known,
             even: false,
         }
     }
@@ -427,7 +427,7 @@ impl PoseFitter {
             .seen_by(Arc::new(geometry.table(&self.model.table)))
     }
 
-    /// Least cost of a frame under each geometry, with the pixels, their noise and the edges' doubts of
+    /// Least cost of a frame under each geometry, with the pixels, their noise and the edges' model error of
     /// the first, to which the frame's state is brought.
     fn costs(
         &self,
@@ -438,7 +438,7 @@ impl PoseFitter {
     ) -> Option<Vec<f64>> {
         let (here, model) = tried.first()?;
         let at = |state: &State, geometry: &Geometry| State {
-            pose: turned(&state.pose, &geometry.turn().inverse()),
+            pose: rotated(&state.pose, &geometry.turn().inverse()),
             thickness_m: geometry.thickness_m,
             ..*state
         };
@@ -446,7 +446,7 @@ impl PoseFitter {
         let picture = &Picture::of(image, profile, self.ceiling);
         let plan = model.plan(&start, COLUMNS);
         let huber = self.first_weighting(picture, profile);
-        let none = &mut Doubts::default();
+        let none = &mut EdgeModelError::default();
         let free = &own.free;
         let (near, seen) = self.frame(model, &plan, picture, start, free, &huber, none)?;
         let weighting = Weighting {
@@ -455,18 +455,32 @@ impl PoseFitter {
             redescending: true,
             ..huber
         };
-        let mut doubts = Doubts::found_apart(&seen.edges, weighting.noise_sd);
-        let (state, first) =
-            self.frame(model, &plan, picture, near, free, &weighting, &mut doubts)?;
+        let mut model_error = EdgeModelError::found_apart(&seen.edges, weighting.noise_sd);
+        let (state, first) = self.frame(
+            model,
+            &plan,
+            picture,
+            near,
+            free,
+            &weighting,
+            &mut model_error,
+        )?;
         own.state = State {
-            pose: turned(&state.pose, &here.turn()),
+            pose: rotated(&state.pose, &here.turn()),
             ..state
         };
         let mut costs = vec![first.cost];
         for (geometry, model) in tried.iter().skip(1) {
             let start = at(&own.state, geometry);
-            let (_, sums) =
-                self.frame(model, &plan, picture, start, free, &weighting, &mut doubts)?;
+            let (_, sums) = self.frame(
+                model,
+                &plan,
+                picture,
+                start,
+                free,
+                &weighting,
+                &mut model_error,
+            )?;
             costs.push(sums.cost);
         }
         Some(costs)
@@ -482,10 +496,19 @@ impl PoseFitter {
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
-        doubts: &mut Doubts,
+        model_error: &mut EdgeModelError,
     ) -> Option<(State, Sums)> {
-        let limits = (FRAME_ITERATIONS, Settled::All(FRAME_SETTLED));
-        self.settle(model, plan, picture, start, free, weighting, doubts, limits)
+        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
+        self.converge(
+            model,
+            plan,
+            picture,
+            start,
+            free,
+            weighting,
+            model_error,
+            limits,
+        )
     }
 
     /// What of a frame over its target is free under a hint.

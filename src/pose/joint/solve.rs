@@ -5,8 +5,8 @@ use super::super::photometric::{
     Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
 use super::Matrix7;
-use super::camera::{self, Beforehand, OfRun, OfRun2, ResponseSeen};
-use super::valley::Valley;
+use super::camera::{self, OfRun, OfRun2, ResponsePrior, ResponseSeen};
+use super::weak_direction::WeakDirection;
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
 use nalgebra::Const;
@@ -35,9 +35,9 @@ fn sized(information: &Square) -> Square {
     Square::from_fn(|i, j| information[(i, j)] * SIZES[i] * SIZES[j])
 }
 
-/// The normal equations of a frame in the coordinates of its valley, in units of the parameters' sizes.
-pub(super) fn equations(sums: &Sums, valley: &Valley) -> Normal<Const<PARAMETERS>> {
-    let (information, gradient) = valley.turn(sums);
+/// The normal equations of a frame in [`WeakDirection`]'s coordinates, in units of the parameters' sizes.
+pub(super) fn equations(sums: &Sums, weak_direction: &WeakDirection) -> Normal<Const<PARAMETERS>> {
+    let (information, gradient) = weak_direction.transformed(sums);
     Normal {
         cost: sums.cost,
         // The sums' residuals are seen minus model, their derivatives are the model's.
@@ -91,12 +91,12 @@ pub(super) fn in_si(step: &Column) -> Column {
     Column::from_fn(|i, _| step[i] * SIZES[i])
 }
 
-/// What the sums say of the camera's response at a state, all that is free following.
+/// Estimate of the camera's response from the sums at a state, all that is free marginalised.
 pub(super) fn response_seen(
     sums: &Sums,
     state: &State,
     free: &[bool; PARAMETERS],
-    beforehand: &Beforehand,
+    response_prior: &ResponsePrior,
 ) -> Option<ResponseSeen> {
     let sized = sized(&sums.information);
     let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
@@ -107,30 +107,30 @@ pub(super) fn response_seen(
     let covariance = OfRun2::from_fn(|i, j| inverse[(at(i), at(j))] * SIZES[at(i)] * SIZES[at(j)]);
     Some(ResponseSeen {
         mean: camera::of_run(state) + step,
-        information: covariance.try_inverse()? - beforehand.information,
-        left: sums.left,
+        information: covariance.try_inverse()? - response_prior.information,
+        line_residuals: sums.line_residuals,
     })
 }
 
-/// What the doubt of held parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
+/// What the uncertainty of considered parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
-fn considered(inverse: &Square, sized: &Square, doubt: &OfRun2) -> Square {
+fn considered_covariance(inverse: &Square, sized: &Square, considered: &OfRun2) -> Square {
     let of_run = OfRun::from_fn(|k, _| 1.0 / SIZES[TONE + k]);
     let by = inverse * sized.fixed_columns::<OF_RUN>(TONE) * OfRun2::from_diagonal(&of_run);
-    by * doubt * by.transpose()
+    by * considered * by.transpose()
 }
 
-/// Covariance of pose and thickness with all light marginalised; zero where held: what the frame's own pixels say, and the
-/// same with what is not known of the camera's response.
+/// Covariance of pose and thickness with all light marginalised; zero where held: from the frame's own pixels, and the
+/// same with the uncertainty of the camera's response.
 pub(super) fn covariances(
     sums: &Sums,
     free: &[bool; PARAMETERS],
-    doubt: Option<&OfRun2>,
+    considered: Option<&OfRun2>,
 ) -> Option<[Matrix7; 2]> {
     let sized = sized(&sums.information);
     let alone = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
-    let all = match doubt {
-        Some(doubt) => alone + considered(&alone, &sized, doubt),
+    let all = match considered {
+        Some(considered) => alone + considered_covariance(&alone, &sized, considered),
         None => alone,
     };
     let place = |i: usize| if i == 6 { THICKNESS } else { i };

@@ -14,13 +14,13 @@ const ROUND: f64 = 1e-4;
 /// How far from the hint a place on a target without repetitions may lie \[m\], and how many are tried.
 const NEAR_M: f64 = 0.06;
 const GUESSES_NEAR: usize = 10;
-/// Of those with pitch, where tops lie far apart in height.
+/// Of those with pitch, where upper faces lie far apart in height.
 const GUESSES_ASSIGNED: usize = 60;
 /// How many are tried where there is no hint.
 const GUESSES_ANYWHERE: usize = 60;
-/// Farthest that a vehicle is taken to head from the target's line: a line on a top is then no longer than this makes it.
-const AWRY_RAD: f64 = 0.25 * std::f64::consts::PI;
-/// Tops this far apart in height show θ by their edges alone \[m\].
+/// Farthest that a vehicle is taken to head from the target's line: a line on an upper face is then no longer than this makes it.
+const YAW_MOST_RAD: f64 = 0.25 * std::f64::consts::PI;
+/// Upper faces this far apart in height show θ by their edges alone \[m\].
 const TALL_M: f64 = 0.05;
 
 /// Where a fit starts, and what was found on the way there.
@@ -90,25 +90,25 @@ impl PoseFitter {
         })
     }
 
-    /// Whether a line without a step is longer than any on a top of the target.
+    /// Whether a line without a step is longer than any on an upper face of the target.
     fn is_floor(&self, levels: &Levels) -> Result<(), PoseFault> {
-        let tops = &self.model.surfaces.tops;
-        if tops.is_empty() {
+        let faces = &self.model.surfaces.faces;
+        if faces.is_empty() {
             return Ok(());
         }
-        let widest_m = tops
+        let widest_m = faces
             .iter()
-            .fold(0.0_f64, |w, top| w.max(top.outline.width_m()));
-        let top_m = widest_m / AWRY_RAD.cos();
+            .fold(0.0_f64, |w, face| w.max(face.outline.width_m()));
+        let face_m = widest_m / YAW_MOST_RAD.cos();
         let ends = levels.segments.iter().flat_map(|s| s.xi_m);
         let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
         });
         let line_m = (high - low).max(0.0);
-        if line_m > top_m {
+        if line_m > face_m {
             Ok(())
         } else {
-            Err(PoseFault::FloorOrTop { line_m, top_m })
+            Err(PoseFault::FloorOrFace { line_m, face_m })
         }
     }
 
@@ -137,7 +137,7 @@ impl PoseFitter {
         }
     }
 
-    /// What the line has across it as far as it is known.
+    /// The line's transverse profile as far as it is known.
     fn across(&self) -> [f64; ACROSS] {
         self.camera.map_or([0.0; ACROSS], |c| c.across())
     }
@@ -207,9 +207,9 @@ impl PoseFitter {
         Ok(near.into_iter().take(GUESSES_NEAR).collect())
     }
 
-    /// Whether the tops lie so far apart in height that edges alone show θ.
+    /// Whether the upper faces lie so far apart in height that edges alone show θ.
     pub(super) fn tall(&self) -> bool {
-        let heights = || self.model.surfaces.tops.iter().map(|t| t.height_m);
+        let heights = || self.model.surfaces.faces.iter().map(|t| t.height_m);
         heights().fold(0.0, f64::max) - heights().fold(f64::INFINITY, f64::min) > TALL_M
     }
 }
@@ -261,15 +261,16 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_line_that_a_top_could_hold_is_no_floor() {
+    fn a_flat_line_that_an_upper_face_could_hold_is_no_floor() {
         let mut rig = Rig::builtin("lshpi").unwrap();
         let fitter = |rig: &Rig| PoseFitter::new(rig, Arc::new(IdealMap::of(rig)));
         // The board is 0.30 m wide; across it at 45 deg lie 0.42 m.
         assert!(fitter(&rig).is_floor(&line(0.25)).is_ok());
-        let Err(PoseFault::FloorOrTop { line_m, top_m }) = fitter(&rig).is_floor(&line(0.2)) else {
+        let Err(PoseFault::FloorOrFace { line_m, face_m }) = fitter(&rig).is_floor(&line(0.2))
+        else {
             panic!("0.4 m lie on the board");
         };
-        assert!((line_m - 0.4).abs() < 1e-12 && (top_m - 0.3 * 2f64.sqrt()).abs() < 1e-9);
+        assert!((line_m - 0.4).abs() < 1e-12 && (face_m - 0.3 * 2f64.sqrt()).abs() < 1e-9);
         rig.target = None;
         assert!(fitter(&rig).is_floor(&line(0.01)).is_ok());
     }

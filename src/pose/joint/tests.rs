@@ -109,7 +109,7 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
     let mut rig = lshpi_rig();
     rig.target = Some(hydroline_rigs::Target::load_or_builtin("two-level").unwrap());
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
-    // Upper and lower zigzag meet the same place only after 1.3 m: no hint says which.
+    // Upper and lower zigzag meet the same place only after 1.3 m: only a hint decides which.
     assert_eq!(fitter.surfaces().period_m, None);
     for (x_m, theta_rad) in [(0.11, 0.012), (0.43, -0.009), (0.62, 0.004)] {
         let truth = Pose {
@@ -119,7 +119,7 @@ fn the_two_level_target_shows_pitch_and_place_without_the_thickness() {
         };
         let fit = fitted(&rig, &frame(&rig, &truth), Some(x_m + 0.02)).unwrap();
         let error = |i: usize| (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
-        // Asked, rms: x 0.15 mm, z 0.06 mm, theta 0.012 deg; here three frames at three times that.
+        // Required, rms: x 0.15 mm, z 0.06 mm, theta 0.012 deg; here three frames at three times that.
         assert!(error(0) < 4.5e-4 && error(2) < 1.8e-4, "{fit:?}");
         assert!(error(4).to_degrees() < 0.036, "{fit:?}");
     }
@@ -142,10 +142,10 @@ fn a_frame_fitted_ahead_is_what_it_would_be_in_its_turn() {
         // Its own hint, one of the same hexagon, another hexagon, none, nowhere.
         let hints = [Some(0.2), Some(0.24), Some(0.44), None, Some(3.0)].map(hint);
         for expected in &hints {
-            let ahead = fitter.ahead(&image, &profile, expected);
+            let speculative = fitter.speculative(&image, &profile, expected);
             for now in &hints {
                 assert_eq!(
-                    fitter.fit_ahead(&image, &profile, ahead.clone(), now),
+                    fitter.fit_speculative(&image, &profile, speculative.clone(), now),
                     fitter.fit(&image, &profile, now),
                     "{expected:?} {now:?}"
                 );
@@ -208,7 +208,7 @@ fn the_bound_is_that_of_an_independent_study() {
 /// The last step of a fit is taken without a look at where it leads: what was left after it.
 #[test]
 fn the_last_step_leaves_little() {
-    use super::super::photometric::{Choice, Curve, Doubts, State, Weighting};
+    use super::super::photometric::{Choice, EdgeModelError, RunParameters, State, Weighting};
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let mut left = Vec::new();
@@ -239,28 +239,28 @@ fn the_last_step_leaves_little() {
             cut: finish::CUT,
             redescending: true,
             response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
-            curve: Curve::Sought,
+            run_parameters: RunParameters::Estimated,
             even: false,
         };
         let plan = fitter.model.plan(&state, Choice::ALL);
-        let none = &mut Doubts::default();
+        let none = &mut EdgeModelError::default();
         let picture = Picture::plain(&image.pixels, fitter.ceiling);
         let seen = fitter
             .model
             .compare(&plan, &picture, &state, &weighting, none, false);
-        let doubts = &mut Doubts::found(&seen.edges, fit.noise_sd);
+        let model_error = &mut EdgeModelError::found(&seen.edges, fit.noise_sd);
         let mut free = [true; PARAMETERS];
         free[photometric::TONE..photometric::LOCAL].fill(fit.tone != 0.0);
-        let limits = (20, settle::Settled::All(1e-9));
+        let limits = (20, lm_loop::Convergence::All(1e-9));
         let (end, _) = fitter
-            .settle(
+            .converge(
                 &fitter.model,
                 &plan,
                 &picture,
                 state,
                 &free,
                 &weighting,
-                doubts,
+                model_error,
                 limits,
             )
             .unwrap();
@@ -340,7 +340,7 @@ mod hard {
         ]
     }
 
-    fn doubtful(fit: &JointPose) -> bool {
+    fn is_flagged(fit: &JointPose) -> bool {
         [
             PoseCaveat::Ambiguous,
             PoseCaveat::WhichHexagon,
@@ -376,15 +376,15 @@ mod hard {
                 // A reason was given.
                 return Ok(());
             };
-            let doubtful = doubtful(&fit);
-            for i in (0..6).filter(|i| fit.measured[*i] && !doubtful) {
+            let is_flagged = is_flagged(&fit);
+            for i in (0..6).filter(|i| fit.measured[*i] && !is_flagged) {
                 let error = (fit.pose.to_array()[i] - truth.to_array()[i]).abs();
                 let sd = fit.covariance[(i, i)].sqrt();
                 // 24 cases of six numbers: 6 sd is far beyond what honest ones show.
                 prop_assert!(error < 6.0 * sd || error < [5e-3, 1e-3, 2e-3, 2e-4, 5e-3, 2e-3][i],
                     "{fault:?}: {i} off by {error}, sd {sd}, {:?}", fit.caveats);
             }
-            if fit.measured[0] && !doubtful {
+            if fit.measured[0] && !is_flagged {
                 prop_assert!((fit.pose.x_m - truth.x_m).abs() < 0.02, "{fault:?}: a jump in x: {}", fit.pose.x_m - truth.x_m);
             }
         }
@@ -406,7 +406,7 @@ mod hard {
                 let fit = fitted(&rig, &image, hint);
                 prop_assert!(fit.is_ok(), "{:?}", fit);
                 let Ok(fit) = fit else { continue };
-                if doubtful(&fit) {
+                if is_flagged(&fit) {
                     continue;
                 }
                 for i in 0..6 {

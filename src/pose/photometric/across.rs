@@ -1,4 +1,4 @@
-//! How the line's light is spread across it.
+//! The line's transverse profile.
 //!
 //! A Gaussian, times what makes it skew, flat-topped or winged (Gram and Charlier's series; Kendall and Stuart, chapter 6):
 //!
@@ -21,15 +21,15 @@ const BIN: f64 = 0.25;
 
 /// Of each bin: Σ weight × residual, Σ weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Left([[f64; 2]; BINS]);
+pub struct LineResiduals([[f64; 2]; BINS]);
 
-impl Default for Left {
+impl Default for LineResiduals {
     fn default() -> Self {
-        Left([[0.0; 2]; BINS])
+        LineResiduals([[0.0; 2]; BINS])
     }
 }
 
-impl Left {
+impl LineResiduals {
     /// A pixel at x = s/S.
     #[inline]
     pub(super) fn see(&mut self, x: f64, weight: f64, residual: f64) {
@@ -42,7 +42,7 @@ impl Left {
     }
 
     /// Those of another frame too.
-    pub fn and(mut self, other: &Left) -> Left {
+    pub fn and(mut self, other: &LineResiduals) -> LineResiduals {
         for (own, of) in self.0.iter_mut().zip(&other.0) {
             *own = [own[0] + of[0], own[1] + of[1]];
         }

@@ -10,7 +10,7 @@ const COARSE_ROWS: usize = 8;
 /// Lengths of the squared-exponential covariance that are tried \[rows\].
 const LENGTHS_ROWS: [f64; 6] = [8.0, 12.0, 18.0, 27.0, 40.0, 60.0];
 /// Variance of what is no such process \[grey levels²\]: a twentieth of a level.
-const ROUGH2: f64 = 0.05 * 0.05;
+const NUGGET2: f64 = 0.05 * 0.05;
 
 /// Light of each row beyond the median, and its sd \[grey levels\].
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -35,7 +35,7 @@ pub(super) fn of_rows(seen: &[Option<f64>], sds: &[f64]) -> Rows {
         .map(|b| b.level * b.level - b.variance)
         .sum::<f64>()
         / n;
-    let amplitude2 = square.max(ROUGH2);
+    let amplitude2 = square.max(NUGGET2);
     let likeliest = LENGTHS_ROWS
         .into_iter()
         .filter_map(|length| Some((evidence(&coarse, amplitude2, length)?, length)))
@@ -58,8 +58,8 @@ pub(super) fn of_rows(seen: &[Option<f64>], sds: &[f64]) -> Rows {
             bins.iter()
                 .map(|b| alike(amplitude2, length, row as f64 - b.row)),
         );
-        let variance = amplitude2 + ROUGH2 - at.dot(&solved.solve(&at));
-        (at.dot(&weights), variance.max(ROUGH2).sqrt())
+        let variance = amplitude2 + NUGGET2 - at.dot(&solved.solve(&at));
+        (at.dot(&weights), variance.max(NUGGET2).sqrt())
     };
     // The sd of every few rows stands for those about it.
     let every = (0..seen.len() + BIN_ROWS).step_by(BIN_ROWS);
@@ -110,7 +110,7 @@ fn alike(amplitude2: f64, length: f64, apart: f64) -> f64 {
 fn covariance(bins: &[Bin], amplitude2: f64, length: f64) -> DMatrix<f64> {
     DMatrix::from_fn(bins.len(), bins.len(), |i, j| {
         let own = if i == j {
-            bins[i].variance + ROUGH2
+            bins[i].variance + NUGGET2
         } else {
             0.0
         };

@@ -20,13 +20,13 @@ const PER_PX: f64 = 16.0;
 const NODES: usize = (2.0 * REACH_PX * PER_PX) as usize + 1;
 /// Pixels that a grid's kernel reaches: 5 sds of the widest blur.
 const KERNEL: i32 = 6;
-/// Beyond this spread κ is below 0.014 in every direction and is left out \[px\].
+/// Beyond this spread κ is below 0.014 in every direction and is neglected \[px\].
 const WIDEST_PX: f64 = 1.2;
 
 /// κ of edges of one direction, between two that are kept ready: without steps from one to the next, by which costs
 /// of poses near each other would differ.
 #[derive(Clone, Copy)]
-pub(super) struct Bend<'a> {
+pub(super) struct GridDeviation<'a> {
     sides: [&'a Response; 2],
     /// How far from the first towards the second.
     between: f64,
@@ -67,19 +67,19 @@ impl Grid {
     }
 
     /// Of edges whose distance grows by so much per column and per row.
-    pub fn across(&self, slope: [f64; 2]) -> Bend<'_> {
+    pub fn across(&self, slope: [f64; 2]) -> GridDeviation<'_> {
         let [a, b] = slope.map(f64::abs);
         // NaN (an edge without a slope) counts as along the columns.
         let place = (a.min(b) / a.max(b)).max(0.0) * DIRECTIONS as f64;
         let k = (place as usize).min(DIRECTIONS - 1);
-        Bend {
+        GridDeviation {
             sides: [&self.directions[k], &self.directions[k + 1]],
             between: place - k as f64,
         }
     }
 }
 
-impl Bend<'_> {
+impl GridDeviation<'_> {
     /// κ and dκ/dx at a distance of x spreads inside the edge.
     #[inline]
     pub fn at(&self, x: f64) -> (f64, f64) {

@@ -9,7 +9,7 @@
 //! with u from −1 to 1 across the image, and v the row from the middle of those looked at, in eighths of the image.
 //!
 //! Within a cell (some columns of one level of the target) both are taken at the cell's middle. There all pixels share the
-//! derivatives by the coefficients, up to a factor: pixels add up nine parameters, and a cell's sums are turned into those
+//! derivatives by the coefficients, up to a factor: pixels add up nine parameters, and a cell's sums are transformed into those
 //! of all once.
 
 use super::{BACKGROUND, BRIGHTNESS, Column, LOCAL, PARAMETERS, State};
@@ -29,8 +29,8 @@ const ROWS_SHARE: f64 = 0.125;
 /// Columns of a cell \[px\]: brightness that falls by a tenth towards the ends changes by half a hundredth within it.
 pub(super) const CELL_PX: usize = 12;
 
-/// What is thought of them beforehand: none, with these standard deviations. A half of the line's brightness is more than
-/// any lens takes; of thirty grey levels of background a frame tells to a hundredth.
+/// Their prior: zero, with these standard deviations. A half of the line's brightness is more than
+/// any lens takes; of thirty grey levels of background a frame determines to a hundredth.
 pub(crate) const PRIOR_SD: [f64; UNEVEN] = {
     let mut sd = [0.5; UNEVEN];
     let mut k = GAINS;

@@ -16,18 +16,18 @@ const EDGE_COLUMNS: usize = 12;
 const STRIPE_SDS: f64 = 6.0;
 /// So few numbers are sorted one by one.
 const SORTED_MOST: usize = 16;
-/// Every so many columns and rows say whether the dark is even, and if not, how.
+/// Every so many columns and rows show whether the dark is even, and if not, how.
 const FEW: [usize; 2] = [16, 4];
 const ALL: [usize; 2] = [1, 1];
-/// How often lamps and what flickers are told apart anew.
+/// Rounds in which lamps and flicker are separated.
 const ROUNDS: usize = 3;
 /// Light that flickers by more than this is none of a lamp's mains, and pixels off by more than that and so many sds of
 /// their noise are not counted \[grey levels\].
 const FLICKER_MOST: f64 = 20.0;
 const WITHIN_SDS: f64 = 3.0;
-/// Fewest dark pixels that say how dark a row is.
+/// Fewest dark pixels of a row's level.
 const DARK_LEAST: f64 = 20.0;
-/// Side of a block \[px\], and fewest of its pixels away from the stripe that say how dark it is.
+/// Side of a block \[px\], and fewest of its pixels away from the stripe from which its level is taken.
 const BLOCK_PX: usize = 24;
 const BLOCK_LEAST: f64 = 200.0;
 /// What blocks and what lies between them, and rows that do not differ by more than their noise, leave \[grey levels\].
@@ -81,7 +81,7 @@ impl Uneven {
         }
     }
 
-    /// Sd of what is told of a row where blocks and rows are told apart \[as the levels\].
+    /// Sd of a row's level where blocks and rows are separated \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
         // A row is off by the same all along it, and each cell's dark is eliminated by itself: so many of them, each with this
@@ -90,7 +90,7 @@ impl Uneven {
         (rows * cells.sqrt()).hypot(self.blocks_sd)
     }
 
-    /// At rows of a column, the rows' own left out: in the first of them, and what it gains per row.
+    /// At rows of a column, without the rows' own: in the first of them, and what it gains per row.
     pub fn along(&self, column: usize, first: usize, last: usize) -> (f64, f64) {
         let (a, b) = (self.of_blocks(column, first), self.of_blocks(column, last));
         (a, (b - a) / (last - first).max(1) as f64)
@@ -124,7 +124,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// A frame as its pixels say; clipped from its own ceiling on, at most from `ceiling`.
+    /// A frame, its dark and its clipping measured from its pixels; clipped from its own ceiling on, at most from `ceiling`.
     pub fn of(image: &'a GreyImage, profile: &Profile, ceiling: u8) -> Self {
         let away = Away::new(image, profile);
         let uneven = [FEW, ALL].into_iter().try_fold(None, |_, step| {
@@ -220,7 +220,7 @@ impl Away {
         row < first || row > last
     }
 
-    /// Rows and blocks that differ, by every so many pixels; `None` where they do not by more than their noise says.
+    /// Rows and blocks that differ, by every so many pixels; `None` where they do not by more than their noise.
     fn uneven(&self, image: &GreyImage, [by_columns, by_rows]: [usize; 2]) -> Option<Uneven> {
         // From each other: what all have in common is the background, which is fitted.
         let differ = |seen: &mut dyn Iterator<Item = (f64, f64)>| {
@@ -245,7 +245,7 @@ impl Away {
         let even = vec![0.0; image.height_px];
         let mut rows = flickering(self.rows_and_columns(image, by_columns, by_rows));
         let mut lamps = None;
-        // What lamps light and what flickers are told apart by turns: the one is smooth, the other the same along a row.
+        // Lamps and flicker are separated by backfitting: the one is smooth, the other the same along a row.
         for _ in 0..ROUNDS {
             let of_rows = rows.as_ref().map_or(&even, |r| &r.level);
             let (seen, across, counts) = self.blocks(image, of_rows, by_columns, by_rows);
@@ -514,12 +514,12 @@ fn own_ceiling(image: &GreyImage, profile: &Profile) -> u8 {
             }
         }
     }
-    let Some(top) = counts.iter().rposition(|n| *n > 0) else {
+    let Some(brightest) = counts.iter().rposition(|n| *n > 0) else {
         return u8::MAX;
     };
-    let below: u32 = counts[top.saturating_sub(2)..top].iter().sum();
-    if counts[top] >= CEILING_LEAST && counts[top] > CEILING_TIMES * below {
-        top as u8
+    let below: u32 = counts[brightest.saturating_sub(2)..brightest].iter().sum();
+    if counts[brightest] >= CEILING_LEAST && counts[brightest] > CEILING_TIMES * below {
+        brightest as u8
     } else {
         u8::MAX
     }
@@ -567,7 +567,7 @@ mod tests {
     }
 
     #[test]
-    fn light_that_flickers_is_told_by_its_rows_and_a_lamp_by_its_blocks() {
+    fn flicker_is_found_by_rows_and_a_lamp_by_blocks() {
         let band = |row: usize| 5.0 * (row as f64 / 90.0 * std::f64::consts::TAU).sin();
         let lamp = |row: usize, column: usize| {
             let off = (row as f64 - 60.0).hypot(column as f64 - 80.0);

@@ -1,9 +1,9 @@
 //! Which pixels a frame is judged by, and which edges can cut their light.
 
-use super::doubts::EdgeName;
-use super::passing::upright_corner;
-use super::torn::CUTS_MOST;
-use super::turned::{Hit, Ray, Turned};
+use super::edge_model_error::EdgeName;
+use super::edge_strips::CUTS_MOST;
+use super::pose_geometry::{Hit, PoseGeometry, Ray};
+use super::visibility::upright_corner;
 use super::{Photometric, State};
 use crate::outline::Outline;
 
@@ -39,7 +39,7 @@ pub(super) struct Strip {
     pub column: usize,
     pub first_row: usize,
     pub end_row: usize,
-    /// Index of the top; the number of tops = floor.
+    /// Index of the upper face; the number of upper faces = floor.
     pub level: usize,
     /// What cuts the level here, in [`Plan::cuts`]; empty = nothing.
     pub cuts: (u32, u32),
@@ -52,13 +52,13 @@ pub(super) struct Strip {
 /// One thing that cuts a strip's light.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cut {
-    /// Index of the top whose outline it is.
-    pub top: usize,
+    /// Index of the upper face whose outline it is.
+    pub face: usize,
     /// Own outline, or one above.
     pub own: bool,
     /// At the level's own height.
     pub foot: Near,
-    /// At the height of `top`, for one above.
+    /// At the height of `face`, for one above.
     pub head: Near,
     /// An upright edge of the slab may stand between the two.
     pub upright: bool,
@@ -119,10 +119,10 @@ impl Plan {
         let near = |c: &Cut| {
             let head = self.near(&c.head).iter();
             let edge = self.near(&c.foot).iter().chain(head).next();
-            edge.map(|e| (c.top as u16, *e))
+            edge.map(|e| (c.face as u16, *e))
         };
-        let (top, edge) = self.cuts(strip).iter().find_map(near)?;
-        Some(EdgeName { top, edge })
+        let (face, edge) = self.cuts(strip).iter().find_map(near)?;
+        Some(EdgeName { face, edge })
     }
 
     pub(super) fn near(&self, near: &Near) -> &[u16] {
@@ -169,22 +169,22 @@ struct Meeting {
 impl Photometric {
     /// The pixels a state calls for: along each level where it could be lit.
     pub fn plan(&self, state: &State, choice: Choice) -> Plan {
-        let turned = Turned::new(&state.pose, &self.surfaces);
+        let geometry = PoseGeometry::new(&state.pose, &self.surfaces);
         let mut plan = Plan {
-            edge_reach_m: self.edge_reach_m(&turned),
+            edge_reach_m: self.edge_reach_m(&geometry),
             room_m: choice.room_m,
             ..Plan::default()
         };
         let setting = Setting {
-            turned: &turned,
+            geometry: &geometry,
             state,
-            reachable: self.reachable(&turned, state, &plan),
+            reachable: self.reachable(&geometry, state, &plan),
         };
-        let mut found = vec![None; self.surfaces.tops.len() + 1];
+        let mut found = vec![None; self.surfaces.faces.len() + 1];
         let columns = (1..self.table.width_px.saturating_sub(1)).step_by(choice.step.max(1));
         for (k, column) in columns.enumerate() {
-            let bulk = k % choice.keep.max(1) == 0;
-            self.plan_column(&setting, column, bulk, &mut found, &mut plan);
+            let interior = k % choice.keep.max(1) == 0;
+            self.plan_column(&setting, column, interior, &mut found, &mut plan);
         }
         let rows = plan
             .strips
@@ -194,46 +194,47 @@ impl Photometric {
         plan
     }
 
-    /// Of each top the edges to which the sheet's line comes nearer than what is looked ahead.
-    fn reachable(&self, turned: &Turned, state: &State, plan: &Plan) -> Vec<Vec<u16>> {
+    /// Of each upper face the edges to which the sheet's line comes nearer than what is looked ahead.
+    fn reachable(&self, geometry: &PoseGeometry, state: &State, plan: &Plan) -> Vec<Vec<u16>> {
         let start = 0.5 * self.table.height_px as f64;
-        let highest_m = self.surfaces.tops.first().map_or(0.0, |t| t.height_m);
+        let highest_m = self.surfaces.faces.first().map_or(0.0, |t| t.height_m);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         // Between so many columns the line, a straight one, goes less far along X than it is looked ahead.
         for column in (1..self.table.width_px).step_by(16) {
             for height_m in [0.0, highest_m] {
-                if let Some(met) = self.row_of_level(turned, column, height_m, start) {
+                if let Some(met) = self.row_of_level(geometry, column, height_m, start) {
                     least = least.min(met.hit.p[0]);
                     most = most.max(met.hit.p[0]);
                 }
             }
         }
-        // By no more than its height a sight moves from a top to the level below it.
+        // By no more than its height a sight moves from an upper face to the level below it.
         let across_m = LOOK_AHEAD_M
             + plan.edge_reach_m
             + plan.room_m
             + 2.0 * REACH * state.thickness_m
             + highest_m;
-        let tops = self.surfaces.tops.iter();
-        tops.map(|top| {
-            (0u16..)
-                .zip(&top.outline.edges)
-                .filter(|(_, e)| {
-                    let [low, high] = e.x_range_m;
-                    low < most + across_m && high > least - across_m
-                })
-                .map(|(k, _)| k)
-                .collect()
-        })
-        .collect()
+        let faces = self.surfaces.faces.iter();
+        faces
+            .map(|face| {
+                (0u16..)
+                    .zip(&face.outline.edges)
+                    .filter(|(_, e)| {
+                        let [low, high] = e.x_range_m;
+                        low < most + across_m && high > least - across_m
+                    })
+                    .map(|(k, _)| k)
+                    .collect()
+            })
+            .collect()
     }
 
     /// Some spreads of the coarsest pixel along the floor, and what the stripe's thickness shifts.
-    fn edge_reach_m(&self, turned: &Turned) -> f64 {
+    fn edge_reach_m(&self, geometry: &PoseGeometry) -> f64 {
         let middle = self.table.width_px / 2;
         let start = 0.5 * (self.table.height_px as f64 - 2.0);
         let metres_per_px = self
-            .row_of_level(turned, middle, 0.0, start)
+            .row_of_level(geometry, middle, 0.0, start)
             .map_or(0.0015, |m| {
                 let [y, z] = m.ray.slopes[0];
                 let across = m.hit.t * y.hypot(z);
@@ -245,7 +246,7 @@ impl Photometric {
     /// Row at which a column sees the middle of the sheet on a level, with the hit at the nearest pixel.
     fn row_of_level(
         &self,
-        turned: &Turned,
+        geometry: &PoseGeometry,
         column: usize,
         height_m: f64,
         start_row: f64,
@@ -256,7 +257,7 @@ impl Photometric {
             // The nearest one; casts go down.
             let at = (row + 0.5).clamp(1.0, last) as usize;
             let ray = self.ray(column, at);
-            let hit = self.hit(turned, &ray, height_m)?;
+            let hit = self.hit(geometry, &ray, height_m)?;
             let next = at as f64 - (hit.t - 1.0) / hit.t_slope[1];
             if !next.is_finite() {
                 return None;
@@ -275,15 +276,18 @@ impl Photometric {
         &self,
         setting: &Setting<'_>,
         column: usize,
-        bulk: bool,
+        interior: bool,
         found: &mut [Option<Found>],
         plan: &mut Plan,
     ) {
-        let Setting { turned, state, .. } = *setting;
+        let Setting {
+            geometry, state, ..
+        } = *setting;
         let first = plan.strips.len();
         for (level, found) in found.iter_mut().enumerate() {
             let start_row = found.map_or(0.5 * self.table.height_px as f64, |f| f.row);
-            let Some(met) = self.row_of_level(turned, column, self.height(level), start_row) else {
+            let Some(met) = self.row_of_level(geometry, column, self.height(level), start_row)
+            else {
                 *found = None;
                 continue;
             };
@@ -347,7 +351,7 @@ impl Photometric {
             });
         }
         join(&mut plan.strips, first);
-        if !bulk {
+        if !interior {
             let plain = plan.strips[first..].iter().all(|s| !s.cut() && !s.shares);
             if plain {
                 plan.strips.truncate(first);
@@ -365,7 +369,7 @@ impl Photometric {
         slack_m: &mut f64,
         plan: &mut Plan,
     ) -> Option<((u32, u32), bool)> {
-        let turned = setting.turned;
+        let geometry = setting.geometry;
         let start = (plan.cuts.len(), plan.edges.len());
         let (p, reach_m) = (span.p, span.reach_m);
         let room_m = plan.edge_reach_m + plan.room_m;
@@ -373,19 +377,19 @@ impl Photometric {
         // Where the strip's first and last pixels meet a height.
         let ends = |height_m: f64| -> Option<[[f64; 2]; 2]> {
             let [a, b] = span.rows.map(|row| {
-                let hit = self.hit(turned, &self.ray(span.column, row), height_m);
+                let hit = self.hit(geometry, &self.ray(span.column, row), height_m);
                 hit.map(|hit| hit.p)
             });
             Some([a?, b?])
         };
         let mut look =
             |k: usize, p: [f64; 2], height_m: f64, edges: &mut Vec<u16>, slack_m: &mut f64| {
-                let outline = &self.surfaces.tops[k].outline;
+                let outline = &self.surfaces.faces[k].outline;
                 let from = edges.len();
                 let mut line = None;
                 for k in setting.reachable_of(k) {
                     let e = &outline.edges[usize::from(*k)];
-                    // Most edges are too far along X to matter to either answer.
+                    // Most edges are too far along X to matter to either.
                     let [low, high] = e.x_range_m;
                     let beside = (low - p[0]).max(p[0] - high);
                     if beside > room_m + reach_m + slack_m.max(0.0) {
@@ -412,11 +416,11 @@ impl Photometric {
                 }
             };
         let own_m = self.height(level);
-        if level < self.surfaces.tops.len() {
+        if level < self.surfaces.faces.len() {
             let foot = look(level, p, own_m, &mut plan.edges, slack_m);
             if foot.from != foot.to {
                 plan.cuts.push(Cut {
-                    top: level,
+                    face: level,
                     own: true,
                     foot,
                     head: Near::default(),
@@ -431,15 +435,15 @@ impl Photometric {
         let mut uprights = false;
         let higher = self
             .surfaces
-            .tops
+            .faces
             .iter()
             .enumerate()
             .take(level)
             .filter(|(_, t)| t.height_m > own_m);
-        for (k, top) in higher {
-            let above = self.hit(turned, &span.middle, top.height_m)?.p;
-            if top.height_m - own_m > TALL_STEP_M {
-                // Between its foot and its top a tall slab may hide the line with corners in
+        for (k, face) in higher {
+            let above = self.hit(geometry, &span.middle, face.height_m)?.p;
+            if face.height_m - own_m > TALL_STEP_M {
+                // Between its foot and its upper face a tall slab may hide the line with corners in
                 // between: where it can, the level is not looked at at all.
                 let between = |t: f64| [p[0] + t * (above[0] - p[0]), p[1] + t * (above[1] - p[1])];
                 dark |= (0..=8).any(|i| {
@@ -447,16 +451,16 @@ impl Photometric {
                     let room_m = room_m + reach_m;
                     let edges = setting.reachable_of(k).iter();
                     let edge_m = edges
-                        .map(|e| top.outline.edges[usize::from(*e)].distance2_m2(q))
+                        .map(|e| face.outline.edges[usize::from(*e)].distance2_m2(q))
                         .fold(f64::INFINITY, f64::min)
                         .sqrt();
                     *slack_m = slack_m.min((edge_m - room_m).abs());
-                    top.outline.contains(q) || edge_m < room_m
+                    face.outline.contains(q) || edge_m < room_m
                 });
                 continue;
             }
             let foot = look(k, p, own_m, &mut plan.edges, slack_m);
-            let head = look(k, above, top.height_m, &mut plan.edges, slack_m);
+            let head = look(k, above, face.height_m, &mut plan.edges, slack_m);
             if foot.from == foot.to && head.from == head.to {
                 dark |= foot.inside || head.inside;
             } else {
@@ -465,10 +469,10 @@ impl Photometric {
                 let room_m = 1.5 * plan.edge_reach_m + plan.room_m;
                 let room_m = [room_m, room_m + reach_m];
                 let upright =
-                    upright_corner(&top.outline, near.copied(), p, above, room_m).is_some();
+                    upright_corner(&face.outline, near.copied(), p, above, room_m).is_some();
                 uprights |= upright;
                 plan.cuts.push(Cut {
-                    top: k,
+                    face: k,
                     own: false,
                     foot,
                     head,
@@ -498,15 +502,15 @@ impl Photometric {
 
 /// What a plan is made for.
 struct Setting<'a> {
-    turned: &'a Turned,
+    geometry: &'a PoseGeometry,
     state: &'a State,
-    /// Of each top the edges that any column can come near.
+    /// Of each upper face the edges that any column can come near.
     reachable: Vec<Vec<u16>>,
 }
 
 impl Setting<'_> {
-    fn reachable_of(&self, top: usize) -> &[u16] {
-        self.reachable.get(top).map_or(&[], Vec::as_slice)
+    fn reachable_of(&self, face: usize) -> &[u16] {
+        self.reachable.get(face).map_or(&[], Vec::as_slice)
     }
 }
 

@@ -10,7 +10,7 @@
 //! L₀ = L + δ L ln(L/255) + β dL/dg.
 //!
 //! A Gaussian to a power is a Gaussian: along the line it is the thickness that γ trades with, and only what lies on the
-//! background and what edges cut in half tells the two apart.
+//! background and what edges cut in half distinguishes the two.
 
 use std::sync::LazyLock;
 
@@ -25,9 +25,9 @@ pub(crate) struct Response {
     /// Of each level of light, what ln γ and b move it by.
     moved_by: [[f32; 2]; 256],
     /// 1 − γ₀.
-    bend: f64,
+    one_minus_gamma: f64,
     /// Light from which on it is clipped.
-    pub top: f64,
+    pub clip_light: f64,
 }
 
 /// Grey level of the brightest light.
@@ -60,18 +60,18 @@ impl Response {
             black,
             light,
             moved_by: [[0.0; 2]; 256],
-            bend: 1.0 - tone.exp(),
-            top: of(ceiling),
+            one_minus_gamma: 1.0 - tone.exp(),
+            clip_light: of(ceiling),
         };
-        let bends = Bends::get();
+        let tone_table = ToneTable::get();
         response.moved_by = std::array::from_fn(|level| {
-            let (by_tone, slope) = bends.at(level as f64);
+            let (by_tone, slope) = tone_table.at(level as f64);
             [by_tone as f32, response.by_black(slope - 1.0) as f32]
         });
         response
     }
 
-    /// What ln γ and b move a level of light by, to the nearest whole level: enough for how much they are to be doubted.
+    /// What ln γ and b move a level of light by, to the nearest whole level: enough for considered parameters.
     #[inline]
     pub fn moved_by(&self, light: f64) -> [f64; 2] {
         // Casts saturate: what is darker than none counts as none.
@@ -104,7 +104,7 @@ impl Response {
             1.0
         } else {
             // [`light_per_grey`]
-            (self.bend * ln_share.max(LN_SHARE_LEAST) - self.tone).exp()
+            (self.one_minus_gamma * ln_share.max(LN_SHARE_LEAST) - self.tone).exp()
         }
     }
 }
@@ -116,14 +116,14 @@ pub(crate) fn light_per_grey(tone: f64, light: f64) -> f64 {
 }
 
 /// Levels of light of the table below, and so many per level.
-const BEND_END: f64 = 1024.0;
-const BEND_PER: f64 = 2.0;
+const TABLE_END: f64 = 1024.0;
+const TABLE_PER_LEVEL: f64 = 2.0;
 
 /// L ln(L/255) and its slope: a logarithm for each pixel took a tenth of a fit.
-static BENDS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
-    (0..=(BEND_END * BEND_PER) as usize + 1)
+static TONE_TABLE: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
+    (0..=(TABLE_END * TABLE_PER_LEVEL) as usize + 1)
         .map(|k| {
-            let level = k as f64 / BEND_PER;
+            let level = k as f64 / TABLE_PER_LEVEL;
             let ln = (level.max(0.05) / FULL).ln();
             [level * ln, 1.0 + ln]
         })
@@ -132,17 +132,17 @@ static BENDS: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
 
 /// What is left of the curve, kept ready.
 #[derive(Clone, Copy)]
-pub(super) struct Bends(&'static [[f64; 2]]);
+pub(super) struct ToneTable(&'static [[f64; 2]]);
 
-impl Bends {
-    pub fn get() -> Bends {
-        Bends(&BENDS)
+impl ToneTable {
+    pub fn get() -> ToneTable {
+        ToneTable(&TONE_TABLE)
     }
 
     /// At a level of light, L ln(L/255), and its slope.
     #[inline]
     pub fn at(self, level: f64) -> (f64, f64) {
-        let at = (level * BEND_PER).clamp(0.0, BEND_END * BEND_PER);
+        let at = (level * TABLE_PER_LEVEL).clamp(0.0, TABLE_END * TABLE_PER_LEVEL);
         let k = at as usize;
         let t = at - k as f64;
         match (self.0.get(k), self.0.get(k + 1)) {
@@ -176,8 +176,11 @@ mod tests {
         for light in [5.0, 30.0, 120.0, 220.0f64] {
             let grey = FULL * (light / FULL).powf(at.exp());
             let light_seen = FULL * (grey / FULL).powf((-seen.tone).exp());
-            let (bent, _) = Bends::get().at(light);
-            assert!((light_seen - light - -0.02 * bent).abs() < 0.05, "{light}");
+            let (by_tone, _) = ToneTable::get().at(light);
+            assert!(
+                (light_seen - light - -0.02 * by_tone).abs() < 0.05,
+                "{light}"
+            );
         }
     }
 }

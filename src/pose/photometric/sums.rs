@@ -1,13 +1,13 @@
 //! What a comparison adds up, and how a residual counts.
 
-use super::across::{ACROSS, Left};
-pub(super) use super::doubts::Torn;
-use super::doubts::{EdgeName, EdgeSums, EdgesSeen};
+use super::across::{ACROSS, LineResiduals};
+pub(super) use super::edge_model_error::EdgeLight;
+use super::edge_model_error::{EdgeName, EdgeSums, EdgesSeen};
 use super::lanes::Lanes;
 use super::lighting::{Cell, Lower};
 use super::picture::Uneven;
 use super::plan::Strip;
-use super::response::{Bends, Response};
+use super::response::{Response, ToneTable};
 use super::{
     BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, Square, State,
     THICKNESS, TONE,
@@ -16,23 +16,23 @@ use crate::normal::{SIXTH, Tables};
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
-/// A pixel of which less than this share is not clipped is not looked at.
+/// A pixel of which less than this share is not clipped is not used.
 const CLIPPED: f64 = 0.1;
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
 
 /// What moves light that no edge cuts: x, y and ψ move edges only.
-pub(super) const BULK: [usize; 8 + ACROSS] = {
-    let mut bulk = [0; 8 + ACROSS];
-    [bulk[0], bulk[1], bulk[2]] = [2, 3, 4];
-    [bulk[3], bulk[4], bulk[5]] = [BRIGHTNESS, THICKNESS, BACKGROUND];
-    [bulk[6], bulk[7]] = [TONE, BLACK];
+pub(super) const INTERIOR: [usize; 8 + ACROSS] = {
+    let mut interior = [0; 8 + ACROSS];
+    [interior[0], interior[1], interior[2]] = [2, 3, 4];
+    [interior[3], interior[4], interior[5]] = [BRIGHTNESS, THICKNESS, BACKGROUND];
+    [interior[6], interior[7]] = [TONE, BLACK];
     let mut k = 0;
     while k < ACROSS {
-        bulk[8 + k] = LINE + k;
+        interior[8 + k] = LINE + k;
         k += 1;
     }
-    bulk
+    interior
 };
 
 /// How pixels fared.
@@ -66,8 +66,8 @@ pub(crate) struct Sums {
     pub tally: Tally,
     /// The edges met.
     pub edges: EdgesSeen,
-    /// Where what is the run's is sought: what is left across the line.
-    pub left: Left,
+    /// Where the run's parameters are estimated: residuals across the line.
+    pub line_residuals: LineResiduals,
 }
 
 /// How residuals count.
@@ -80,32 +80,32 @@ pub(crate) struct Weighting {
     pub redescending: bool,
     /// The camera's.
     pub response: Response,
-    pub curve: Curve,
-    /// Nothing is asked of how light is uneven, of a state in which it is even.
+    pub run_parameters: RunParameters,
+    /// The coefficients of uneven light are held, at a state in which it is even.
     pub even: bool,
 }
 
-/// How much its doubt makes of all else is smooth along the line: every so many columns say it, of those that no edge cuts, and
-/// of those that one cuts.
-const DOUBTED_EVERY: [usize; 2] = [8, 2];
+/// The cross information of considered parameters with all else is smooth along the line: it is taken from every so many
+/// columns, of those that no edge cuts, and of those that one cuts.
+const CONSIDERED_EVERY: [usize; 2] = [8, 2];
 
-/// What a comparison is to say of what is the run's: the camera's response, and the line across.
+/// How a comparison treats the run's parameters, the camera's response and the line's transverse profile: derivatives by them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Curve {
-    /// Nothing.
+pub(crate) enum RunParameters {
+    /// Held: none.
     Known,
-    /// How much it makes of all else: of its derivatives there are the products with others, none with each other.
-    Doubted,
-    /// Where it lies.
-    Sought,
+    /// As consider parameters: the products of its derivatives with others, none with each other.
+    Considered,
+    /// All.
+    Estimated,
 }
 
-impl Curve {
+impl RunParameters {
     /// How many of a pixel's derivatives there are.
     fn used(&self) -> usize {
         match self {
-            Curve::Known => TONE,
-            Curve::Doubted | Curve::Sought => LOCAL,
+            RunParameters::Known => TONE,
+            RunParameters::Considered | RunParameters::Estimated => LOCAL,
         }
     }
 }
@@ -171,20 +171,20 @@ pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
     /// How many of a pixel's derivatives there are.
     used: usize,
-    /// What is asked for in the columns at hand, and for how many these stand.
-    asked: Curve,
+    /// Derivatives taken in the columns at hand, and for how many columns these stand.
+    run_parameters: RunParameters,
     stands_for: f64,
     /// Columns met, those that no edge cuts and others.
     met: [usize; 2],
     tables: &'static Tables,
-    bends: Bends,
+    tone_table: ToneTable,
     bright: f64,
     /// What of the camera's curve is not yet in its response.
     tone: f64,
     black: f64,
     /// Light of grey level 0, below which all is cut off, and of the ceiling.
     floor: f64,
-    top: f64,
+    clip_light: f64,
     /// Light nearer to either than this is cut off in part.
     near: f64,
     /// 1 / noise², and 1 / cut².
@@ -217,17 +217,17 @@ impl<'a> Counter<'a> {
     pub fn new(weighting: &'a Weighting, tables: &'static Tables, state: &'a State) -> Self {
         Counter {
             weighting,
-            used: weighting.curve.used(),
-            asked: weighting.curve,
+            used: weighting.run_parameters.used(),
+            run_parameters: weighting.run_parameters,
             stands_for: 1.0,
             met: [0; 2],
             tables,
-            bends: Bends::get(),
+            tone_table: ToneTable::get(),
             bright: LIT * state.brightness,
             tone: state.tone - weighting.response.tone,
             black: state.black - weighting.response.black,
             floor: weighting.response.light(0),
-            top: weighting.response.top,
+            clip_light: weighting.response.clip_light,
             near: 4.0 * weighting.noise_sd,
             of_variance: 1.0 / (weighting.noise_sd * weighting.noise_sd),
             of_cut2: 1.0 / (weighting.cut * weighting.cut),
@@ -247,12 +247,12 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// What is asked of what is the run's in the columns at hand.
-    pub fn asked(&self) -> Curve {
-        self.asked
+    /// Which derivatives by the run's parameters are taken in the columns at hand.
+    pub fn run_parameters(&self) -> RunParameters {
+        self.run_parameters
     }
 
-    /// Derivatives by what is the run's, from those by camera and line.
+    /// Derivatives by the run's parameters, from those by camera and line.
     #[inline]
     pub fn by_run(&self, by_camera: [f64; 2], by_line: &[f64; ACROSS]) -> [f64; OF_RUN] {
         let mut by = [0.0; OF_RUN];
@@ -275,21 +275,21 @@ impl<'a> Counter<'a> {
 
     /// What comes next are the pixels of these strips, which an edge cuts or none.
     pub fn strips(&mut self, strips: &[Strip], cut: bool) {
-        if self.weighting.curve == Curve::Doubted {
+        if self.weighting.run_parameters == RunParameters::Considered {
             let (met, every) = (
                 &mut self.met[usize::from(cut)],
-                DOUBTED_EVERY[usize::from(cut)],
+                CONSIDERED_EVERY[usize::from(cut)],
             );
-            let asked = if *met % every == every / 2 {
-                Curve::Doubted
+            let run_parameters = if *met % every == every / 2 {
+                RunParameters::Considered
             } else {
-                Curve::Known
+                RunParameters::Known
             };
             *met += 1;
-            if asked != self.asked {
+            if run_parameters != self.run_parameters {
                 self.empty();
             }
-            (self.asked, self.stands_for) = (asked, every as f64);
+            (self.run_parameters, self.stands_for) = (run_parameters, every as f64);
         }
         if let (Some(uneven), Some(strip)) = (&self.uneven, strips.first()) {
             let (first, last) = (strip.first_row, strip.end_row);
@@ -302,14 +302,14 @@ impl<'a> Counter<'a> {
     /// Background of a row of the strips at hand, of which so much is fitted.
     ///
     /// What is uneven of it is known in grey levels of the dark, and is light of the curve that these were seen through.
-    /// Where that is doubted or sought, another curve makes other light of them: with it held, a light that flickers would
+    /// Where that is considered or estimated, another curve makes other light of them: with it held, a light that flickers would
     /// look like a curve.
     #[inline]
     pub fn background(&self, fitted: f64, row: usize) -> Background {
         let beyond = self.of_row(row);
         Background {
             level: fitted + beyond,
-            measured: if beyond == 0.0 || self.asked == Curve::Known {
+            measured: if beyond == 0.0 || self.run_parameters == RunParameters::Known {
                 [0.0; 2]
             } else {
                 self.measured(beyond)
@@ -322,7 +322,7 @@ impl<'a> Counter<'a> {
     fn measured(&self, beyond: f64) -> [f64; 2] {
         let dark = self.uneven.as_ref().map_or(0.0, |uneven| uneven.dark);
         let moved = |light: f64| {
-            let (by_tone, slope) = self.bends.at(light);
+            let (by_tone, slope) = self.tone_table.at(light);
             [by_tone, self.weighting.response.by_black(slope - 1.0)]
         };
         let (there, here) = (moved(dark + beyond), moved(dark));
@@ -401,16 +401,16 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// The next pixel of the edge is not looked at.
+    /// The next pixel of the edge is not used.
     pub fn skip(&mut self) {
         if let Some(edge) = self.edges.get_mut(self.edge) {
             edge.skip();
         }
     }
 
-    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by what is the run's may be asked for.
+    /// Judges a pixel that no edge cuts; `None` where it is clipped. RUN: derivatives by the run's parameters may be wanted.
     #[inline(always)]
-    pub fn bulk<const RUN: bool>(
+    pub fn interior<const RUN: bool>(
         &self,
         grey: u8,
         light: f64,
@@ -444,16 +444,16 @@ impl<'a> Counter<'a> {
         })
     }
 
-    /// Judges a pixel that an edge may cut: what is `torn` of its light (all of one cut in half) hangs on
-    /// where exactly, and by that it is doubted (`doubt_sd`) beyond its noise.
+    /// Judges a pixel that an edge may cut: `edge_light` is sensitive to where exactly, which is the model error
+    /// (`model_error_sd`) beyond the noise.
     #[inline]
     pub fn edge<const RUN: bool>(
         &mut self,
         grey: u8,
         light: f64,
         background: Background,
-        torn: Option<Torn>,
-        doubt_sd: f64,
+        edge_light: Option<EdgeLight>,
+        model_error_sd: f64,
     ) -> Option<Judged> {
         let Some((residual, share, by_camera)) = self.residual::<RUN>(grey, light, background)
         else {
@@ -461,10 +461,10 @@ impl<'a> Counter<'a> {
             return None;
         };
         let noise_sd = self.weighting.noise_sd;
-        let of_variance = if doubt_sd == 0.0 {
+        let of_variance = if model_error_sd == 0.0 {
             self.of_variance
         } else {
-            1.0 / (noise_sd * noise_sd + doubt_sd * doubt_sd)
+            1.0 / (noise_sd * noise_sd + model_error_sd * model_error_sd)
         };
         let (cost, weight, slope) = self
             .weighting
@@ -476,11 +476,18 @@ impl<'a> Counter<'a> {
         tally.weights += weight;
         tally.slopes += slope;
         tally.rejected += usize::from(weight < 0.5);
-        match (torn, self.edges.get_mut(self.edge)) {
-            (Some(torn), Some(edge)) => {
+        match (edge_light, self.edges.get_mut(self.edge)) {
+            (Some(edge_light), Some(edge)) => {
                 // Where the sensor cuts off at zero, less of it shows.
-                let bent = torn.bent * share;
-                edge.see(Torn { bent, ..torn }, residual, noise_sd);
+                let by_grid = edge_light.by_grid * share;
+                edge.see(
+                    EdgeLight {
+                        by_grid,
+                        ..edge_light
+                    },
+                    residual,
+                    noise_sd,
+                );
             }
             _ => self.skip(),
         }
@@ -505,12 +512,12 @@ impl<'a> Counter<'a> {
         let level = light + level;
         let response = &self.weighting.response;
         let seen = response.light(grey);
-        match self.asked {
-            asked if !RUN || asked == Curve::Known => {
+        match self.run_parameters {
+            run_parameters if !RUN || run_parameters == RunParameters::Known => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 Some((residual, share, [0.0; 2]))
             }
-            Curve::Doubted => {
+            RunParameters::Considered => {
                 let (residual, share) = self.cut_off(seen, level)?;
                 let moved = response.moved_by(level);
                 Some((
@@ -531,7 +538,7 @@ impl<'a> Counter<'a> {
         level: f64,
         measured: [f64; 2],
     ) -> Option<(f64, f64, [f64; 2])> {
-        let (by_tone, slope) = self.bends.at(level);
+        let (by_tone, slope) = self.tone_table.at(level);
         let by_black = self.weighting.response.by_black(slope - 1.0) - measured[1];
         let by_tone = by_tone - measured[0];
         let straight = 1.0 + self.tone * slope;
@@ -547,15 +554,15 @@ impl<'a> Counter<'a> {
     /// Residual of light against what a sensor shows of it that is cut off at both ends, and the share of it that is not.
     #[inline(always)]
     fn cut_off(&self, seen: f64, level: f64) -> Option<(f64, f64)> {
-        let (above, room) = (level - self.floor, self.top - level);
+        let (above, room) = (level - self.floor, self.clip_light - level);
         if above >= self.near && room >= self.near {
             return Some((seen - level, 1.0));
         }
         let noise_sd = self.weighting.noise_sd;
         if room < self.near {
-            // E min(top, m + n), the same seen from above.
+            // E min(ceiling, m + n), the same seen from above.
             let (share, density) = self.tables.normal(room / noise_sd);
-            let expected = self.top - room * share - noise_sd * density;
+            let expected = self.clip_light - room * share - noise_sd * density;
             return (share >= CLIPPED).then_some((seen - expected, share));
         }
         let (share, density) = self.tables.normal(above / noise_sd);
@@ -566,9 +573,11 @@ impl<'a> Counter<'a> {
     /// Adds one pixel to the normal equations.
     #[inline]
     pub fn add(&mut self, j: &[f64; LOCAL], weight: f64, residual: f64) {
-        let full = match self.asked {
-            Curve::Known => self.waiting.push_first::<TONE>(j, weight, residual),
-            Curve::Doubted | Curve::Sought => self.waiting.push(j, weight, residual),
+        let full = match self.run_parameters {
+            RunParameters::Known => self.waiting.push_first::<TONE>(j, weight, residual),
+            RunParameters::Considered | RunParameters::Estimated => {
+                self.waiting.push(j, weight, residual)
+            }
         };
         if full {
             self.empty();
@@ -577,24 +586,24 @@ impl<'a> Counter<'a> {
 
     fn empty(&mut self) {
         let (information, gradient) = (&mut self.information, &mut self.gradient);
-        match self.asked {
-            Curve::Known => self
+        match self.run_parameters {
+            RunParameters::Known => self
                 .waiting
                 .empty_first_into::<TONE, TONE>(information, gradient),
-            Curve::Doubted => self
+            RunParameters::Considered => self
                 .waiting
                 .empty_first_into::<LOCAL, TONE>(information, gradient),
-            Curve::Sought => self.waiting.empty_into(information, gradient),
+            RunParameters::Estimated => self.waiting.empty_into(information, gradient),
         }
     }
 
-    /// Adds one pixel that no laser light reaches: it tells of the background alone.
+    /// Adds one pixel that no laser light reaches: it has information of the background alone.
     #[inline]
     pub fn add_dark(&mut self, judged: &Judged) {
         let weighted = judged.weight * judged.share;
         self.information[BACKGROUND][BACKGROUND] += weighted * judged.share;
         self.gradient[BACKGROUND] += weighted * judged.residual;
-        if self.asked == Curve::Known {
+        if self.run_parameters == RunParameters::Known {
             return;
         }
         let of_camera = judged.by_camera.map(|by| self.stands_for * by);
@@ -602,7 +611,7 @@ impl<'a> Counter<'a> {
             let weighted = judged.weight * by;
             let row = &mut self.information[TONE + k];
             row[BACKGROUND] += weighted * judged.share;
-            if self.asked == Curve::Sought {
+            if self.run_parameters == RunParameters::Estimated {
                 for (sum, with) in row[TONE..].iter_mut().zip(&of_camera[..=k]) {
                     *sum += weighted * with;
                 }

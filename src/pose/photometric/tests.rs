@@ -1,8 +1,8 @@
 //! The closed form against the renderer, and its derivatives against differences of itself.
 
 use super::plan::groups;
-use super::sums::BULK;
-use super::turned::Turned;
+use super::pose_geometry::PoseGeometry;
+use super::sums::INTERIOR;
 use super::*;
 use hydroline_calib::IdealMap;
 use hydroline_sim::fixture::lshpi_rig;
@@ -41,14 +41,14 @@ fn state(x_m: f64) -> State {
 }
 
 /// Of a line that is skew and flat-topped, times a factor.
-fn bent(x_m: f64, times: f64) -> State {
+fn non_gaussian(x_m: f64, times: f64) -> State {
     State {
         across: [0.03, -0.03, 0.01, 0.004, 1e-3, 2e-4, 3e-5, 1e-5].map(|c| times * c),
         ..state(x_m)
     }
 }
 
-/// Frames of a Gaussian line are compared with: from one bent as much as above all pixels would be outliers.
+/// Frames of a Gaussian line are compared with: from one that differs as much as above all pixels would be outliers.
 const LITTLE: f64 = 0.1;
 
 fn at_row(
@@ -70,10 +70,10 @@ fn at_row_sharing(
     row: usize,
     grid_share: f64,
 ) -> Option<Light> {
-    let turned = Turned::new(&state.pose, &model.surfaces);
+    let geometry = PoseGeometry::new(&state.pose, &model.surfaces);
     let mut found = None;
     model.each_row(
-        &turned,
+        &geometry,
         plan,
         state,
         strips,
@@ -101,7 +101,7 @@ fn derivatives_are_those_of_the_light_with_blur_on_the_pixel_grid() {
 
 fn compare_derivatives(grid_share: f64, within: f64) {
     let model = model();
-    let at = bent(0.13, 1.0);
+    let at = non_gaussian(0.13, 1.0);
     let plan = model.plan(&at, Choice::ALL);
     let steps = [1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-3, 1e-7];
     let of_line = (LINE..LOCAL).map(|k| (k, 1e-4));
@@ -171,8 +171,8 @@ fn light_is_the_renderers() {
 #[test]
 fn strips_that_no_edge_cuts_add_up_to_what_their_pixels_do() {
     compare_strips(state(0.13), 1e-5);
-    // A bent line changes faster along the rows.
-    compare_strips(bent(0.13, LITTLE), 1e-4);
+    // A line that is not Gaussian changes faster along the rows.
+    compare_strips(non_gaussian(0.13, LITTLE), 1e-4);
 }
 
 fn compare_strips(at: State, within: f64) {
@@ -191,7 +191,7 @@ fn compare_strips(at: State, within: f64) {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let mut plan = model.plan(&at, Choice::ALL);
@@ -205,7 +205,7 @@ fn compare_strips(at: State, within: f64) {
         &Picture::plain(&picture, 254),
         &at,
         &weighting,
-        &mut Doubts::default(),
+        &mut EdgeModelError::default(),
         true,
     );
     let mut counter = Counter::new(&weighting, Tables::get(), &at);
@@ -216,7 +216,7 @@ fn compare_strips(at: State, within: f64) {
             let light = at_row(&model, &plan, &at, strips, row).unwrap();
             let grey = picture[row * model.table.width_px + strips[0].column];
             let judged = counter
-                .bulk::<true>(
+                .interior::<true>(
                     grey,
                     light.level,
                     counter.background(at.background, row),
@@ -239,8 +239,8 @@ fn compare_strips(at: State, within: f64) {
         fast.cost,
         slow.cost
     );
-    for a in BULK {
-        for b in BULK {
+    for a in INTERIOR {
+        for b in INTERIOR {
             let size = (slow.information[(a, a)] * slow.information[(b, b)]).sqrt();
             let off = (fast.information[(a, b)] - slow.information[(a, b)]).abs() / size;
             // Half a per cent of the information is a quarter of a per cent of an sd.
@@ -252,26 +252,26 @@ fn compare_strips(at: State, within: f64) {
     }
 }
 
-/// What is the run's is doubted in some columns only: what that says of all else is what all columns say, to a twentieth of
-/// what the two can have in common.
+/// Cross information of considered parameters, taken in some columns only, is that of all columns to a twentieth of its bound
+/// (Cauchy–Schwarz).
 #[test]
-fn some_columns_say_what_a_doubt_makes_of_all_else() {
+fn considered_parameters_need_only_some_columns() {
     let model = model();
     let rig = lshpi_rig();
     let renderer = Renderer::new(&rig).unwrap();
     let at = State {
         background: rig.camera.noise.ambient,
-        ..bent(0.13, LITTLE)
+        ..non_gaussian(0.13, LITTLE)
     };
     let picture = renderer.render(&Pose6::from(at.pose.to_array()), 1).0;
     let plan = model.plan(&at, Choice::ALL);
-    let sums = |curve: Curve| {
+    let sums = |run_parameters: RunParameters| {
         let weighting = Weighting {
             noise_sd: 2.0,
             cut: 6.0,
             redescending: true,
             response: Response::new([at.tone, at.black], 254),
-            curve,
+            run_parameters,
             even: false,
         };
         let picture = &Picture::plain(&picture, 254);
@@ -280,11 +280,14 @@ fn some_columns_say_what_a_doubt_makes_of_all_else() {
             picture,
             &at,
             &weighting,
-            &mut Doubts::default(),
+            &mut EdgeModelError::default(),
             true,
         )
     };
-    let (some, all) = (sums(Curve::Doubted), sums(Curve::Sought));
+    let (some, all) = (
+        sums(RunParameters::Considered),
+        sums(RunParameters::Estimated),
+    );
     for a in (0..TONE).chain(LOCAL..PARAMETERS) {
         for b in 0..PARAMETERS {
             let size = (all.information[(a, a)] * all.information[(b, b)]).sqrt();
@@ -305,7 +308,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     // Flanks, joints, widest points; blur of the lens, and half of it on the pixel grid.
@@ -317,7 +320,7 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
     {
         let at = State {
             background: rig.camera.noise.ambient,
-            ..bent(x_m, LITTLE)
+            ..non_gaussian(x_m, LITTLE)
         };
         let truth = Pose6::from(state(x_m + 2e-4).pose.to_array());
         let picture = renderer.render(&truth, 1).0;
@@ -326,29 +329,29 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
         slow.strips.iter_mut().for_each(|s| s.simple = false);
         let sums = |plan: &Plan| {
             let picture = &Picture::plain(&picture, 254);
-            let compare = |doubts: &mut Doubts, derivatives| {
-                model.compare(plan, picture, &at, &weighting, doubts, derivatives)
+            let compare = |model_error: &mut EdgeModelError, derivatives| {
+                model.compare(plan, picture, &at, &weighting, model_error, derivatives)
             };
-            let seen = compare(&mut Doubts::default(), false);
-            let mut doubts = Doubts::alike(&seen.edges, 0.03);
-            doubts.grid_share = grid_share;
-            let once = compare(&mut doubts, true);
-            let again = compare(&mut doubts, true);
+            let seen = compare(&mut EdgeModelError::default(), false);
+            let mut model_error = EdgeModelError::alike(&seen.edges, 0.03);
+            model_error.grid_share = grid_share;
+            let once = compare(&mut model_error, true);
+            let again = compare(&mut model_error, true);
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
             again
         };
         let (fast, slow) = (sums(&plan), sums(&slow));
-        let (mut torn, mut simple) = (0, 0);
+        let (mut cut, mut simple) = (0, 0);
         for group in groups(&plan.strips).filter(|g| g.iter().any(Strip::cut)) {
-            torn += 1;
+            cut += 1;
             simple += usize::from(group.iter().all(|s| s.simple));
         }
-        println!("x {x_m}: {simple} of {torn} groups are simple");
+        println!("x {x_m}: {simple} of {cut} groups are simple");
         // Upright corners (widest points) go the slow way.
         let flank = x_m == 0.13;
         assert!(
-            !flank || 10 * simple > 9 * torn,
-            "x {x_m}: {simple} of {torn}"
+            !flank || 10 * simple > 9 * cut,
+            "x {x_m}: {simple} of {cut}"
         );
         assert_eq!(fast.tally.pixels, slow.tally.pixels);
         assert!(
@@ -374,14 +377,14 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
 /// The renderer draws each pixel by its box and then blurs from pixel to pixel; what a lens alone would show is the closed
 /// form's own light.
 #[test]
-fn blur_on_the_pixel_grid_is_told_from_the_lens() {
+fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
     let (model, rig) = (model(), lshpi_rig());
     let weighting = Weighting {
         noise_sd: 2.0,
         cut: 4.0,
         redescending: false,
         response: Response::linear(254),
-        curve: Curve::Sought,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let renderer = Renderer::new(&rig).unwrap();
@@ -400,13 +403,14 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
         let grid: Vec<u8> = light.iter().map(|v| v.round() as u8).collect();
         let looked = |picture: &[u8]| {
             let picture = &Picture::plain(picture, 254);
-            let compare =
-                |doubts: &mut Doubts| model.compare(&plan, picture, &at, &weighting, doubts, false);
-            let seen = compare(&mut Doubts::default());
+            let compare = |model_error: &mut EdgeModelError| {
+                model.compare(&plan, picture, &at, &weighting, model_error, false)
+            };
+            let seen = compare(&mut EdgeModelError::default());
             let share = seen.edges.grid_share(weighting.noise_sd);
             // What is found explains what the edges left over.
-            let mut doubts = Doubts::found(&seen.edges, weighting.noise_sd);
-            let again = compare(&mut doubts);
+            let mut model_error = EdgeModelError::found(&seen.edges, weighting.noise_sd);
+            let again = compare(&mut model_error);
             let cost = |s: &Sums| s.cost;
             (
                 share,
@@ -428,7 +432,7 @@ fn blur_on_the_pixel_grid_is_told_from_the_lens() {
 /// Under a strong curve flicker of three levels moved ln γ by 0.1 and the black level by 60, ten times their sds: another curve
 /// was tried with the light that flickers held, of which only its grey levels in the dark are known.
 #[test]
-fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
+fn light_that_flickers_is_seen_through_the_curve_that_is_estimated() {
     use super::picture::Uneven;
     // Seen with a response that is not quite the camera's.
     let (camera, at) = (0.6f64.ln(), 0.6f64.ln() + 0.03);
@@ -438,7 +442,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         cut: 1e3,
         redescending: false,
         response: Response::new([at, 0.0], 255),
-        curve: Curve::Sought,
+        run_parameters: RunParameters::Estimated,
         even: false,
     };
     let (dark, lamp) = (14.0, 6.0);
@@ -456,7 +460,7 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_sought() {
         let background = counter.background(state.background, 1);
         let mut tally = counter.sums.tally;
         counter
-            .bulk::<true>(shown, laser, background, &mut tally)
+            .interior::<true>(shown, laser, background, &mut tally)
             .unwrap()
     };
     let lights: Vec<f64> = (0..700).map(|k| 60.0 + 0.2 * f64::from(k)).collect();

@@ -1,6 +1,6 @@
 //! The vehicle between two frames: the rig's equations of motion under the commands of the log.
 
-use super::{PUSHES, RATES, STATES, Square, State};
+use super::{ACCELERATIONS, RATES, STATES, Square, State};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectStack;
 use hydroline_sim::model::{Model, ModelState};
@@ -14,7 +14,7 @@ const PITCH_MAX_RAD: f64 = 1.4;
 
 /// Vehicle and commands.
 ///
-/// Effects of `[[physics]]` are left out: what they do goes into the unknown accelerations, which
+/// Effects of `[[physics]]` are not modelled: what they do goes into the unknown accelerations, which
 /// hold for whatever the water does.
 #[derive(Debug)]
 pub struct Dynamics {
@@ -36,7 +36,7 @@ impl Dynamics {
     }
 
     /// With the commands of a log: (stamp \[ns\], thruster, thrust \[N\]). Thrusters that the rig does
-    /// not name are left out: what they did is then unknown acceleration too.
+    /// not name are ignored: what they did is then unknown acceleration too.
     ///
     /// # Errors
     /// [`ThrustError`] for a layout of thrusters that makes no wrench.
@@ -92,7 +92,7 @@ impl Dynamics {
         let mut state = ModelState::at_rest(std::array::from_fn(|i| x[i]));
         state.vehicle.nu = std::array::from_fn(|i| x[RATES + i]);
         let mass = self.model.hydrodynamics.mass();
-        let push: [f64; 6] = std::array::from_fn(|i| mass[i] * x[PUSHES + i]);
+        let unknown_wrench: [f64; 6] = std::array::from_fn(|i| mass[i] * x[ACCELERATIONS + i]);
         while at_ns < to_ns {
             let after = self.wrenches.partition_point(|w| w.0 <= at_ns);
             let edge_ns = self
@@ -104,7 +104,7 @@ impl Dynamics {
                 0 => [0.0; 6],
                 n => self.wrenches[n - 1].1,
             };
-            let wrench = std::array::from_fn(|i| command[i] + push[i]);
+            let wrench = std::array::from_fn(|i| command[i] + unknown_wrench[i]);
             let span_s = (edge_ns - at_ns) as f64 * 1e-9;
             let steps = (span_s / STEP_S).ceil().max(1.0);
             for _ in 0..steps as usize {

@@ -1,7 +1,7 @@
 //! Extended Kalman filter forwards, Rauch–Tung–Striebel smoother backwards.
 
 use super::{
-    Dynamics, MeasuredFrame, PUSHES, RATES, STATES, SmoothError, Square, State, THICKNESS,
+    ACCELERATIONS, Dynamics, MeasuredFrame, RATES, STATES, SmoothError, Square, State, THICKNESS,
     THICKNESS_UNIT_M,
 };
 use hydroline_numerics::cholesky::{JITTER, ScaledCholesky};
@@ -12,22 +12,22 @@ const START_POSE: [f64; 6] = [0.3, 0.3, 0.3, 0.2, 0.2, 0.2];
 /// Sd of the first rates \[m/s, rad/s\].
 const START_RATE: f64 = 0.3;
 /// Sd of the first unknown accelerations \[m/s², rad/s²\].
-const START_PUSH: f64 = 0.2;
+const START_ACCELERATION: f64 = 0.2;
 /// Sd of the thickness before any frame, in its unit: 0.5 mm.
 const START_THICKNESS: f64 = 5.0;
 /// Squared innovation per number from which a frame counts less: one in 10⁵ of six honest ones.
-const DOUBT_CHI2: f64 = 32.0;
+const DOWNWEIGHT_CHI2: f64 = 32.0;
 
-/// A run passed through forwards.
-pub(super) struct Passed {
+/// A filtered run.
+pub(super) struct Filtered {
     /// After each frame: state and covariance.
     pub after: Vec<(State, Square)>,
     /// Before each frame but the first: prediction, covariance, derivative of the step.
     pub before: Vec<(State, Square, Square)>,
-    pub doubted: usize,
+    pub downweighted: usize,
     pub chi2: f64,
     /// −2 log likelihood of the innovations, up to a constant.
-    pub unlikelihood: f64,
+    pub minus_two_log_likelihood: f64,
 }
 
 fn start(frames: &[MeasuredFrame]) -> (State, Square) {
@@ -44,28 +44,28 @@ fn start(frames: &[MeasuredFrame]) -> (State, Square) {
         x[i] = first(i).unwrap_or(0.0);
         p[(i, i)] = START_POSE[i].powi(2);
         p[(RATES + i, RATES + i)] = START_RATE.powi(2);
-        p[(PUSHES + i, PUSHES + i)] = START_PUSH.powi(2);
+        p[(ACCELERATIONS + i, ACCELERATIONS + i)] = START_ACCELERATION.powi(2);
     }
     x[THICKNESS] = first(6).unwrap_or(0.002) / THICKNESS_UNIT_M;
     p[(THICKNESS, THICKNESS)] = START_THICKNESS.powi(2);
     (x, p)
 }
 
-/// Forwards with unknown accelerations that gain `push` per root second. `doubting`: frames that
+/// Forwards with unknown accelerations that gain `walk_sd` per root second. `robust`: frames that
 /// disagree grossly count less.
 pub(super) fn forwards(
     frames: &[MeasuredFrame],
     dynamics: &Dynamics,
-    push: &[f64; 6],
-    doubting: bool,
-) -> Result<Passed, SmoothError> {
+    walk_sd: &[f64; 6],
+    robust: bool,
+) -> Result<Filtered, SmoothError> {
     let (mut x, mut p) = start(frames);
-    let mut out = Passed {
+    let mut out = Filtered {
         after: Vec::with_capacity(frames.len()),
         before: Vec::with_capacity(frames.len()),
-        doubted: 0,
+        downweighted: 0,
         chi2: 0.0,
-        unlikelihood: 0.0,
+        minus_two_log_likelihood: 0.0,
     };
     let mut numbers = 0;
     for (frame, seen) in frames.iter().enumerate() {
@@ -73,31 +73,32 @@ pub(super) fn forwards(
             let from_ns = frames[frame - 1].stamp_ns;
             let (next, slopes) = dynamics
                 .step(from_ns, seen.stamp_ns, &x)
-                .ok_or(SmoothError::Astray { frame })?;
+                .ok_or(SmoothError::Diverged { frame })?;
             let dt_s = (seen.stamp_ns - from_ns) as f64 * 1e-9;
-            p = slopes * p * slopes.transpose() + gained(push, dt_s);
+            p = slopes * p * slopes.transpose() + gained(walk_sd, dt_s);
             x = next;
             out.before.push((x, p, slopes));
         }
         if let Some(update) = Update::of(seen, &x, &p) {
             let mut scale = 1.0;
             let per_number = update.chi2 / update.n as f64;
-            if doubting && frame > 0 && per_number > DOUBT_CHI2 / 6.0 {
-                scale = per_number / (DOUBT_CHI2 / 6.0);
-                out.doubted += 1;
+            if robust && frame > 0 && per_number > DOWNWEIGHT_CHI2 / 6.0 {
+                scale = per_number / (DOWNWEIGHT_CHI2 / 6.0);
+                out.downweighted += 1;
             }
             if frame > 0 {
                 out.chi2 += update.chi2 / scale;
-                // A doubted frame still costs: of two strengths the one that doubts less is likelier.
-                out.unlikelihood += update.chi2 / scale * (1.0 + f64::ln(scale)) + update.log_size;
+                // A downweighted frame still costs: of two strengths the one that downweights less is likelier.
+                out.minus_two_log_likelihood +=
+                    update.chi2 / scale * (1.0 + f64::ln(scale)) + update.log_size;
                 numbers += update.n;
             }
             (x, p) = update
                 .applied(&x, &p, scale)
-                .ok_or(SmoothError::Astray { frame })?;
+                .ok_or(SmoothError::Diverged { frame })?;
         }
         if !x.iter().chain(p.iter()).all(|v| v.is_finite()) {
-            return Err(SmoothError::Astray { frame });
+            return Err(SmoothError::Diverged { frame });
         }
         out.after.push((x, p));
     }
@@ -107,11 +108,11 @@ pub(super) fn forwards(
 
 /// Covariance that a random walk of d adds over a step, with what it moves ν and η meanwhile
 /// (axes taken as aligned within one step): ∫ (s³.., s², s).
-fn gained(push: &[f64; 6], dt: f64) -> Square {
+fn gained(walk_sd: &[f64; 6], dt: f64) -> Square {
     let mut q = Square::zeros();
-    for (i, sd) in push.iter().enumerate() {
+    for (i, sd) in walk_sd.iter().enumerate() {
         let v = sd * sd;
-        let at = [i, RATES + i, PUSHES + i];
+        let at = [i, RATES + i, ACCELERATIONS + i];
         let terms = [
             [dt.powi(5) / 20.0, dt.powi(4) / 8.0, dt.powi(3) / 6.0],
             [dt.powi(4) / 8.0, dt.powi(3) / 3.0, dt.powi(2) / 2.0],
@@ -205,12 +206,13 @@ impl Update {
 }
 
 /// Backwards: state and covariance of every frame given the whole run.
-pub(super) fn backwards(passed: &Passed) -> Result<Vec<(State, Square)>, SmoothError> {
-    let mut out = passed.after.clone();
+pub(super) fn backwards(filtered: &Filtered) -> Result<Vec<(State, Square)>, SmoothError> {
+    let mut out = filtered.after.clone();
     for k in (0..out.len().saturating_sub(1)).rev() {
-        let (x, p) = &passed.after[k];
-        let (predicted, spread, slopes) = &passed.before[k];
-        let factor = ScaledCholesky::new(spread, JITTER).ok_or(SmoothError::Astray { frame: k })?;
+        let (x, p) = &filtered.after[k];
+        let (predicted, spread, slopes) = &filtered.before[k];
+        let factor =
+            ScaledCholesky::new(spread, JITTER).ok_or(SmoothError::Diverged { frame: k })?;
         // Gᵀ = S⁻¹ F P
         let gain_t = factor.solve_columns(&(slopes * p));
         let gain = gain_t.transpose();

@@ -92,8 +92,8 @@ fn an_undisturbed_run_is_bound_tightly() {
     let run = smooth(&frames, &dynamics()).unwrap();
     let (rms, most, inside) = judged(&truth, &run);
     println!(
-        "rms {rms:.6} max {most:.6} inside {inside:.3} push {:?} chi2 {:.3}",
-        run.push_per_root_s, run.chi2
+        "rms {rms:.6} max {most:.6} inside {inside:.3} walk sd {:?} chi2 {:.3}",
+        run.walk_sd_per_root_s, run.chi2
     );
     // One frame: 0.54 mm. 150 of them alone would come to 0.044 mm; the dynamics leave a little open.
     let sd = run.frames[75].covariance[(0, 0)].sqrt();
@@ -110,8 +110,8 @@ fn a_disturbed_run_is_followed() {
     let run = smooth(&frames, &dynamics()).unwrap();
     let (rms, most, inside) = judged(&truth, &run);
     println!(
-        "rms {rms:.6} max {most:.6} inside {inside:.3} push {:?} chi2 {:.3}",
-        run.push_per_root_s, run.chi2
+        "rms {rms:.6} max {most:.6} inside {inside:.3} walk sd {:?} chi2 {:.3}",
+        run.walk_sd_per_root_s, run.chi2
     );
     assert!(rms < 0.54e-3 / 2.0, "{rms}");
     assert!(inside > 0.85, "{inside}");
@@ -130,13 +130,13 @@ fn a_frame_without_a_pose_gets_one_with_a_larger_sd() {
 }
 
 #[test]
-fn a_gross_error_does_not_bend_the_run() {
+fn a_gross_error_does_not_distort_the_run() {
     let (truth, mut frames) = run(0.0, 60, 6);
     if let Some(m) = &mut frames[30].measured {
         m.values[0] += 0.2;
     }
     let run = smooth(&frames, &dynamics()).unwrap();
-    assert!(run.doubted >= 1);
+    assert!(run.downweighted >= 1);
     assert!((run.frames[30].eta[0] - truth[30][0]).abs() < 2e-3);
 }
 

@@ -8,7 +8,7 @@ use super::{Dynamics, MeasuredFrame, SmoothError, filter};
 /// Where the search starts: sd gained in one second \[m/s², rad/s²\].
 const START: [f64; 6] = [0.02, 0.02, 0.02, 0.1, 0.1, 0.1];
 /// Weakest and strongest. The weakest still lets 1 mm/s² come and go within a run, so that a rig
-/// whose coefficients are off never bends the poses to itself.
+/// whose coefficients are off does not bias the poses.
 const RANGE: [f64; 2] = [3e-4, 30.0];
 /// Frames looked at; a longer run is judged by its first ones.
 const FRAMES: usize = 400;
@@ -18,30 +18,31 @@ pub(super) fn most_likely(
     dynamics: &Dynamics,
 ) -> Result<[f64; 6], SmoothError> {
     let some = &frames[..frames.len().min(FRAMES)];
-    let judged = |push: &[f64; 6]| {
-        filter::forwards(some, dynamics, push, true).map(|passed| passed.unlikelihood)
+    let judged = |walk_sd: &[f64; 6]| {
+        filter::forwards(some, dynamics, walk_sd, true)
+            .map(|filtered| filtered.minus_two_log_likelihood)
     };
-    let mut push = START;
-    let mut best = judged(&push)?;
+    let mut walk_sd = START;
+    let mut best = judged(&walk_sd)?;
     for factor in [10.0, 10.0, 3.0] {
         for dof in 0..6 {
             for way in [factor, 1.0 / factor] {
                 // Strides go on as long as they pay.
                 loop {
-                    let mut tried = push;
+                    let mut tried = walk_sd;
                     tried[dof] = (tried[dof] * way).clamp(RANGE[0], RANGE[1]);
-                    if tried[dof] == push[dof] {
+                    if tried[dof] == walk_sd[dof] {
                         break;
                     }
-                    // A strength under which the filter goes astray is not likely.
+                    // A strength under which the filter diverges is not likely.
                     let Ok(cost) = judged(&tried) else { break };
                     if cost >= best {
                         break;
                     }
-                    (push, best) = (tried, cost);
+                    (walk_sd, best) = (tried, cost);
                 }
             }
         }
     }
-    Ok(push)
+    Ok(walk_sd)
 }

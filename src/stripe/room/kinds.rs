@@ -72,7 +72,7 @@ impl Kind {
             sigma_px: within(0.9, 4.0).min(within(0.9, 4.0)),
             peak: 40.0 * 4.5f64.powf(within(0.0, 1.0)),
             slope: within(-0.15, 0.15),
-            wobble: (within(0.0, 6.0), within(200.0, 800.0), within(0.0, 6.3)),
+            undulation: (within(0.0, 6.0), within(200.0, 800.0), within(0.0, 6.3)),
             background: within(6.0, 30.0),
             noise_sd: within(1.0, 3.0),
             seed,
@@ -93,7 +93,7 @@ impl Kind {
             Self::Clean => {}
             Self::Steps => {
                 let drop = side * within(12.0, 45.0);
-                scene.wobble.0 = 0.0;
+                scene.undulation.0 = 0.0;
                 scene.steps = vec![(within(120.0, 300.0), drop), (within(400.0, 600.0), -drop)];
             }
             Self::BarThin | Self::JpegBar => {
@@ -177,17 +177,17 @@ impl Kind {
                 };
                 if self == Self::BandingFlat {
                     scene.slope = within(-0.005, 0.005);
-                    scene.wobble.0 = within(0.0, 1.0);
+                    scene.undulation.0 = within(0.0, 1.0);
                     scene.row0_px = middle;
                 }
             }
             Self::Ceiling | Self::Ceiling235 | Self::Ceiling240 | Self::CeilingBare => {
-                let top = match self {
+                let maximum = match self {
                     Self::Ceiling235 => 235.0,
                     Self::Ceiling240 => 240.0,
                     _ => within(200.0, 255.0).round(),
                 };
-                scene.range = (within(0.0, 20.0).round(), top);
+                scene.range = (within(0.0, 20.0).round(), maximum);
                 scene.peak = if self == Self::CeilingBare {
                     within(225.0, 270.0)
                 } else {

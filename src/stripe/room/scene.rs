@@ -58,7 +58,7 @@ pub(super) struct Scene {
     pub row0_px: f64,
     pub slope: f64,
     /// Amplitude, period and phase of the stripe's course.
-    pub wobble: (f64, f64, f64),
+    pub undulation: (f64, f64, f64),
     /// From these columns on the stripe lies so much lower \[px\].
     pub steps: Vec<(f64, f64)>,
     pub sigma_px: f64,
@@ -83,7 +83,7 @@ impl Default for Scene {
             height_px: 576,
             row0_px: 290.3,
             slope: 0.03,
-            wobble: (0.0, 300.0, 0.0),
+            undulation: (0.0, 300.0, 0.0),
             steps: Vec::new(),
             sigma_px: 2.0,
             peak: 160.0,
@@ -111,7 +111,7 @@ fn behind(distance_px: f64, edge_px: f64) -> f64 {
 impl Scene {
     /// True row of the stripe \[px\].
     pub fn row_px(&self, column_px: f64) -> f64 {
-        let (amplitude, period, phase) = self.wobble;
+        let (amplitude, period, phase) = self.undulation;
         let wave = amplitude * (std::f64::consts::TAU * column_px / period + phase).sin();
         let lower: f64 = self
             .steps
@@ -132,8 +132,8 @@ impl Scene {
                     level,
                     edge_px,
                 } => {
-                    let top = behind(row + 0.5 - first_row, edge_px);
-                    level * top * behind(first_row + rows - row - 0.5, edge_px)
+                    let upper = behind(row + 0.5 - first_row, edge_px);
+                    level * upper * behind(first_row + rows - row - 0.5, edge_px)
                 }
                 Thing::Lamp {
                     column: c,
@@ -178,7 +178,7 @@ impl Scene {
         light
     }
 
-    /// The frame and, per column, whether the stripe's light was cut by the range's top.
+    /// The frame and, per column, whether the stripe's light was clipped by the range's maximum.
     pub fn render(&self) -> (GreyImage, Vec<bool>) {
         let mut rng = StdRng::seed_from_u64(self.seed ^ 0x9e37_79b9);
         let (w, h) = (self.width_px, self.height_px);

@@ -41,7 +41,7 @@ pub enum StandaloneError {
 
 const RETRY: Duration = Duration::from_millis(50);
 
-/// Serves until `stop` is set. `on_ready` is told the path once it can be opened (pty, listening socket) or is connected.
+/// Serves until `stop` is set. `on_ready` is called with the path once it can be opened (pty, listening socket) or is connected.
 ///
 /// # Errors
 /// [`StandaloneError`]; a socket that is not there yet is waited for.

@@ -95,7 +95,7 @@ impl StampedProtocol {
         }
     }
 
-    /// A reset shows in the very next Ack, half a second before the next clock exchange would tell.
+    /// A reset shows in the very next Ack, half a second before the next clock exchange would show it.
     ///
     /// The stamp has to lie between the command's departure and the answer's arrival: a host that was asleep
     /// in between is no reset.

@@ -220,7 +220,7 @@ fn the_stamped_link_finds_the_controllers_clock() {
 }
 
 #[test]
-fn a_controller_reset_is_told_and_it_is_configured_again() {
+fn a_controller_reset_is_reported_and_it_is_configured_again() {
     let (mut link, cable, clock) = link(LinkKind::Stamped, |c| c.watchdog_ns = 5_000_000_000);
     poll_for(&mut link, &clock, 3000);
     cable.with(|c| c.reset(clock.monotonic_ns(), &mut |_| {}));

@@ -114,7 +114,7 @@ fn a_line_that_echoes_our_own_bytes_is_named() {
 }
 
 #[test]
-fn a_maestro_in_factory_mode_and_one_in_crc_mode_are_told_from_a_healthy_one() {
+fn a_maestro_in_factory_mode_and_one_in_crc_mode_are_distinguished_from_a_healthy_one() {
     let healthy = probe(&set(LinkKind::Maestro), &mut device(plain_maestro)).unwrap();
     assert!(healthy.pulses.iter().all(|p| p.pulse_us() == 1500.0));
 

@@ -1,4 +1,4 @@
-//! The service's core on a manual clock and the in-memory controller: every promise about neutral, both protocols.
+//! The service's core on a manual clock and the in-memory controller: every guarantee about neutral, both protocols.
 
 mod line;
 mod neutral;

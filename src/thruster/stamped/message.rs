@@ -115,7 +115,7 @@ fn put_pulses(pulses: &[ChannelPulse], raw: &mut Vec<u8>) {
 }
 
 impl HostMessage {
-    /// Appends the whole frame, delimiter included. Pulses beyond [`MAX_CHANNELS`] do not fit and are left out.
+    /// Appends the whole frame, delimiter included. Pulses beyond [`MAX_CHANNELS`] do not fit and are omitted.
     pub fn encode(&self, out: &mut Vec<u8>) {
         match self {
             HostMessage::SetPulses { sequence, pulses } => frame(

@@ -61,14 +61,17 @@ fn cut_everywhere(zstd_level: u32, (frames, chunk_bytes): (u32, u64), step: usiz
             );
         }
         assert_eq!(recovery.lossy, cut > start, "cut at {cut}");
-        assert_eq!(recovery.from_torn_chunk, (back.len() - in_closed) as u64);
-        most_salvaged = most_salvaged.max(recovery.from_torn_chunk);
+        assert_eq!(
+            recovery.from_truncated_chunk,
+            (back.len() - in_closed) as u64
+        );
+        most_salvaged = most_salvaged.max(recovery.from_truncated_chunk);
         std::fs::remove_file(&mended).unwrap();
     }
     assert_eq!(
         most_salvaged > 0,
         salvages,
-        "salvaged {most_salvaged} from the torn chunk"
+        "salvaged {most_salvaged} from the truncated chunk"
     );
 }
 

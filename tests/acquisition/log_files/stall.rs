@@ -34,7 +34,7 @@ impl Gate {
 
 struct Gated {
     gate: Gate,
-    file: FileSink,
+    file: FileOutput,
 }
 
 impl Write for Gated {
@@ -47,7 +47,7 @@ impl Write for Gated {
     }
 }
 
-impl LogSink for Gated {
+impl LogOutput for Gated {
     fn sync(&mut self) -> io::Result<()> {
         self.gate.pass();
         self.file.sync()
@@ -65,8 +65,8 @@ impl LogSink for Gated {
 
 fn recorder(gate: &Gate, path: PathBuf, queue_bytes: u64) -> Recorder {
     let gate = gate.clone();
-    let opener = move |_: u32| -> io::Result<(Box<dyn LogSink>, PathBuf)> {
-        let file = FileSink::create(&path, false)?;
+    let opener = move |_: u32| -> io::Result<(Box<dyn LogOutput>, PathBuf)> {
+        let file = FileOutput::create(&path, false)?;
         Ok((
             Box::new(Gated {
                 gate: gate.clone(),

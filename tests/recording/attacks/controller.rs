@@ -1,10 +1,10 @@
-//! A controller that says that it puts out something else than commanded.
+//! A controller that says that it puts out something else than it was commanded.
 
 use super::{bounded, path, words};
 use hydroline::thruster::controller::{ControllerConfig, Faults, PtyController, SimController};
 use hydroline_rigs::Rig;
 
-/// 8. Asked 1548 us, reported another pulse to the end of the plan: "finished as planned".
+/// 8. Asked 1548 us, echoed another pulse to the end of the plan: "finished as planned".
 #[test]
 fn a_controller_that_contradicts() {
     let _alone = crate::support::alone();

@@ -283,7 +283,7 @@ fn each(size: [usize; 2], grey: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     image
 }
 
-/// Changes the pixels within `reach` of a place; the change is told (dx, dy, old grey).
+/// Changes the pixels within `reach` of a place; the change is called with (dx, dy, old grey).
 fn stamp(
     image: &mut [f64],
     size: [usize; 2],

@@ -196,7 +196,7 @@ pub fn render(board: &Board, view: &View, scene: &Scene) -> Vec<u8> {
             let plain = [k, k + 1, k + w + 1, k + w + 2]
                 .into_iter()
                 .all(|n| corners[n] == here)
-                // The laser's profile on a side bends within a pixel.
+                // The laser's profile on a side is curved within a pixel.
                 && (scene.laser.is_none() || middle.is_none_or(|h| h.axis == 2));
             image[r * w + c] = if plain {
                 world.grey(middle.as_ref())

@@ -55,7 +55,7 @@ proptest! {
         prop_assert_eq!(rows * columns, pages.len());
         for page in &pages {
             for k in 0..2 {
-                // The drawing and its marks stay on the paper, and nothing of the cell is left out.
+                // The drawing and its marks stay on the paper, and nothing of the cell is missing.
                 prop_assert!(page.drawn.low_mm[k] <= page.cell.low_mm[k]);
                 prop_assert!(page.drawn.high_mm[k] >= page.cell.high_mm[k]);
                 let [low, high] = [page.drawn.low_mm, page.drawn.high_mm].map(|p| p[k] + page.shift_mm[k]);

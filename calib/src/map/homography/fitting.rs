@@ -7,7 +7,7 @@
 //! ln Z = −½ (χ² + penalty) − ½ ln det(JᵀJ + P⁻¹) − Σ ln σ_prior,
 //!
 //! and parameters and covariance are averages over the four, spread between them included
-//! (Hoeting et al. 1999): where nodes cannot tell two models apart, the covariance says so.
+//! (Hoeting et al. 1999): where nodes do not discriminate two models, the covariance grows.
 
 use hydroline_numerics::least_squares::{LeastSquares, Normal, Options, Scaling, minimise};
 use nalgebra::{Const, Matrix2, SMatrix, SVector, Vector2};
@@ -20,7 +20,7 @@ type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Vector = SVector<f64, PARAMETERS>;
 
 /// Standard deviations of the priors on k₁ k₂ k₃ p₁ p₂ c_x c_y κ (scaled units). A plane
-/// seen once cannot tell a decentred lens from a shifted centre; priors decide.
+/// seen once cannot distinguish a decentred lens from a shifted centre; priors decide.
 /// With a board that fills half the field they allow k₁ = 1, k₂ = 0.7, k₃ = 0.3, p = 0.01 in
 /// units of the focal length, far beyond real lenses; κ = 0.01 a port at an eighth of the distance.
 const PRIOR_SD: [f64; 8] = [0.3, 0.05, 0.005, 0.005, 0.005, 0.2, 0.2, 0.01];
@@ -71,7 +71,7 @@ pub(super) fn fit(start: [f64; PARAMETERS], pairs: &mut [Pair]) -> Result<Fitted
     let chi2: f64 = full.residuals.iter().map(|r| r * r).sum();
     let free = (2 * pairs.len() - PARAMETERS) as f64;
     let noise_scale = (chi2 / free).sqrt().max(1.0);
-    // Nodes are as good as the fullest model shows them, not as good as they say.
+    // Nodes are as good as the fullest model shows them, not as good as their stated sds.
     for pair in pairs.iter_mut() {
         pair.whitener /= noise_scale;
     }

@@ -25,7 +25,7 @@ pub(super) struct Seen {
 }
 
 /// What the distortion does to an undistorted place.
-struct Bent {
+struct Distorted {
     at: Vector2<f64>,
     /// From the centre.
     d: Vector2<f64>,
@@ -34,7 +34,7 @@ struct Bent {
     by_d: Matrix2<f64>,
 }
 
-fn bend(x: &[f64; PARAMETERS], u: Vector2<f64>, nearness: f64) -> Bent {
+fn distort(x: &[f64; PARAMETERS], u: Vector2<f64>, nearness: f64) -> Distorted {
     let [k1, k2, k3, p1, p2, cx, cy, kappa] = [8, 9, 10, 11, 12, 13, 14, 15].map(|k| x[k]);
     let d = u - Vector2::new(cx, cy);
     let r2 = d.norm_squared();
@@ -52,7 +52,7 @@ fn bend(x: &[f64; PARAMETERS], u: Vector2<f64>, nearness: f64) -> Bent {
         cross,
         6.0 * p1 * d[1] + 2.0 * p2 * d[0],
     );
-    Bent {
+    Distorted {
         at: u - d + d * radial + decentred,
         d,
         r2,
@@ -77,7 +77,7 @@ fn flat(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<(Vector2<f64>, f64)> 
 #[inline]
 pub(super) fn project(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<[f64; 2]> {
     let (u, w) = flat(x, [a, b])?;
-    let at = bend(x, u, 1.0 / w - 1.0).at;
+    let at = distort(x, u, 1.0 / w - 1.0).at;
     Some([at[0], at[1]])
 }
 
@@ -85,7 +85,7 @@ pub(super) fn project(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<[f64; 2
 pub(super) fn see(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<Seen> {
     let (u, w) = flat(x, [a, b])?;
     let nearness = 1.0 / w - 1.0;
-    let Bent { d, r2, by_d, .. } = bend(x, u, nearness);
+    let Distorted { d, r2, by_d, .. } = distort(x, u, nearness);
     // What κ moves per change of 1/w.
     let by_nearness = d * (r2 * x[15]);
     let by_w = -(by_d * u) / w - by_nearness / (w * w);
@@ -124,14 +124,14 @@ pub(super) fn unproject(x: &[f64; PARAMETERS], target: [f64; 2]) -> Option<[f64;
     // Newton on the distortion alone: close to the identity, so from the pixel itself.
     let mut u = target;
     for _ in 0..12 {
-        let bent = bend(x, u, near(&inverse, &u) - 1.0);
-        let e = bent.at - target;
+        let distorted = distort(x, u, near(&inverse, &u) - 1.0);
+        let e = distorted.at - target;
         if e.norm() < 1e-13 {
             break;
         }
-        let by_nearness = bent.d * (bent.r2 * x[15]);
+        let by_nearness = distorted.d * (distorted.r2 * x[15]);
         let slope = nalgebra::RowVector2::new(inverse[(2, 0)], inverse[(2, 1)]);
-        u -= (bent.by_d + by_nearness * slope).try_inverse()? * e;
+        u -= (distorted.by_d + by_nearness * slope).try_inverse()? * e;
     }
     if near(&inverse, &u) < 0.0 {
         // The inverse of a homography is one only up to its sign.

@@ -28,7 +28,7 @@ impl<'d> Section<'d> {
         None
     }
 
-    /// A number that may be left out.
+    /// A number that may be omitted.
     pub(crate) fn number_opt(&self, key: &str, allowed: Quantity) -> Option<f64> {
         self.asks_number(key, "number", &allowed);
         self.number_of(&self.item(key)?, &allowed)
@@ -94,7 +94,7 @@ impl<'d> Section<'d> {
         value
     }
 
-    /// A whole number that may be left out.
+    /// A whole number that may be omitted.
     pub(crate) fn integer_opt(
         &self,
         key: &str,
@@ -170,7 +170,7 @@ impl<'d> Section<'d> {
         values.try_into().ok()
     }
 
-    /// `N` numbers that may be left out.
+    /// `N` numbers that may be omitted.
     pub(crate) fn numbers_opt<const N: usize>(
         &self,
         key: &str,

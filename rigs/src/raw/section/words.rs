@@ -17,7 +17,7 @@ impl<'d> Section<'d> {
         })
     }
 
-    /// A text that may be left out.
+    /// A text that may be omitted.
     pub(crate) fn text_opt(&self, key: &str, expected: &str) -> Option<(String, Item<'d>)> {
         self.asks_for(key, "text", expected);
         let item = self.item(key)?;
@@ -49,7 +49,7 @@ impl<'d> Section<'d> {
         None
     }
 
-    /// One of a list of words that may be left out.
+    /// One of a list of words that may be omitted.
     pub(crate) fn choice_opt<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<T> {
         let words: Vec<String> = choices.iter().map(|(w, _)| format!("`\"{w}\"`")).collect();
         self.asks_for(key, "text", words.join(", "));

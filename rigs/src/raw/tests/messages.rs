@@ -1,4 +1,4 @@
-//! What a person is told.
+//! Messages for a person.
 
 use toml::Value;
 
@@ -44,7 +44,7 @@ fn every_number_out_of_range_is_named() {
     }
 }
 
-/// Every key left out: a default, or an error that names it. Every key misspelt: refused.
+/// Every key omitted: a default, or an error that names it. Every key misspelt: refused.
 #[test]
 fn every_key_left_out_or_misspelt() {
     let table = full_rig("bench-v4l");

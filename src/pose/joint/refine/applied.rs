@@ -1,6 +1,6 @@
 //! Poses of single frames under a refined geometry.
 
-use super::{Geometry, Refined, turned};
+use super::{Geometry, Refined, rotated};
 use crate::joint::{JointPose, Matrix7, PoseFitter};
 use crate::photometric::State;
 use hydroline_calib::Pose;
@@ -74,7 +74,7 @@ impl Sheet {
         match &self.turn {
             None => state,
             Some(turn) => State {
-                pose: turned(&state.pose, &turn.inverse()),
+                pose: rotated(&state.pose, &turn.inverse()),
                 ..state
             },
         }
@@ -83,14 +83,14 @@ impl Sheet {
     /// The body's pose and covariance.
     pub fn of_body(&self, fit: JointPose) -> JointPose {
         let Some(turn) = &self.turn else { return fit };
-        let pose = turned(&fit.pose, turn);
+        let pose = rotated(&fit.pose, turn);
         // The attitude changes its angles; the place stays.
         let mut slopes = Matrix7::identity();
         for k in 3..6 {
             let moved = |by: f64| {
                 let mut p = fit.pose.to_array();
                 p[k] += by;
-                turned(&Pose::from_array(p), turn).to_array()
+                rotated(&Pose::from_array(p), turn).to_array()
             };
             let (on, back) = (moved(STEP_RAD), moved(-STEP_RAD));
             for i in 3..6 {

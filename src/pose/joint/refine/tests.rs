@@ -1,4 +1,4 @@
-//! A run seen by a rig whose sheet is not what its file says.
+//! A run seen by a rig whose sheet differs from its file.
 
 use super::*;
 use hydroline_calib::IdealMap;
@@ -108,7 +108,7 @@ fn too_few_frames_are_an_error() {
 }
 
 #[test]
-fn a_frame_that_fails_is_left_out_and_a_pitch_that_is_held_stays() {
+fn a_frame_that_fails_is_discarded_and_a_pitch_that_is_held_stays() {
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let poses: Vec<Pose> = run(5)
@@ -136,7 +136,7 @@ fn a_frame_that_fails_is_left_out_and_a_pitch_that_is_held_stays() {
     let sd_m = found.covariance[(2, 2)].sqrt();
     let off_m = found.geometry.thickness_m - THICKNESS_M;
     assert!(off_m.abs() < 4.5 * sd_m, "off by {off_m}, sd {sd_m}");
-    // With pitch known the stripe's width alone says it: to a thousandth.
+    // With pitch known the stripe's width alone determines it: to a thousandth.
     assert!(sd_m < 1e-3 * THICKNESS_M, "{sd_m}");
     assert_eq!(found.geometry.tilt_pitch_rad, 0.0);
 }
@@ -158,7 +158,7 @@ fn poses_under_what_was_refined_are_those_of_the_true_sheet() {
         for i in 0..6 {
             let off = fit.pose.to_array()[i] - truth.to_array()[i];
             let sd = fit.covariance[(i, i)].sqrt();
-            // What the tilts' own sds move is not in it: a sheet turned about the vertical by ε shows as a
+            // What the tilts' own sds move is not in it: a sheet rotated about the vertical by ε shows as a
             // roll of about 1.4 ε and a place beside of 1.2 m ε.
             let pitch = [1.0, 0.3, 0.3, 1.0, 1.0, 1.0][i] * found.covariance[(0, 0)].sqrt();
             let yaw = [0.0, 1.2, 0.0, 1.4, 0.0, 1.0][i] * found.covariance[(1, 1)].sqrt();

@@ -57,18 +57,18 @@ impl Bench {
             .filter_map(|_| {
                 let image = seen(&rest, &mut rng);
                 let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
-                fit.ok().filter(|fit| !fit.doubtful())?.response
+                fit.ok().filter(|fit| !fit.is_flagged())?.response
             })
             .collect();
-        let (known, _) = fitter.beforehand();
-        let response = CameraResponse::of_opening_knowing(&said, known);
+        let (known, _) = fitter.response_prior();
+        let response = CameraResponse::of_opening_with_prior(&said, known);
         let fitter = fitter.with_response(response.unwrap_or(known.response()));
         (0..FRAMES[1])
             .map(|_| {
                 let truth = anywhere(&mut rng);
                 let image = seen(&truth, &mut rng);
                 let fit = fitter.fit(&image, &extractor.extract(&image), &hint(&truth));
-                let fit = fit.ok().filter(|fit| !fit.doubtful())?;
+                let fit = fit.ok().filter(|fit| !fit.is_flagged())?;
                 Some(std::array::from_fn(|i| {
                     let off = fit.pose.to_array()[i] - truth.to_array()[i];
                     [off, fit.covariance[(i, i)].sqrt()]

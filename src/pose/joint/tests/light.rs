@@ -187,7 +187,7 @@ impl Light {
 }
 
 /// Runs under random light, each frame after the opening judged: how many have a pose, and which are wrong.
-fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
+fn judge(runs: usize, seed: u64, non_gaussian: bool) -> (usize, Vec<String>) {
     let mut rig = lshpi_rig();
     let dark = 12.0;
     rig.camera.noise.read_sd = 0.0;
@@ -202,7 +202,7 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
         let mut rng = StdRng::seed_from_u64(seed ^ (k as u64) << 32);
         let rest = anywhere(&mut rng);
         let light = Light::drawn(&mut rng, k);
-        let line = if bent_lines {
+        let line = if non_gaussian {
             line_drawn(&mut rng, k / 7)
         } else {
             vec![GAUSSIAN]
@@ -218,7 +218,7 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
             .filter_map(|_| {
                 let image = seen(&clean, &mut rng);
                 let fit = open.fit(&image, &extractor.extract(&image), &hint(&rest));
-                fit.ok().filter(|fit| !fit.doubtful())?.response
+                fit.ok().filter(|fit| !fit.is_flagged())?.response
             })
             .collect();
         let response = CameraResponse::of_opening(&said).unwrap_or(CameraResponse::UNKNOWN);
@@ -234,8 +234,8 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
                     continue;
                 }
             };
-            if fit.doubtful() {
-                println!("{k}: doubtful: {:?} ({light:?})", fit.caveats);
+            if fit.is_flagged() {
+                println!("{k}: flagged: {:?} ({light:?})", fit.caveats);
                 continue;
             }
             given += 1;
@@ -255,7 +255,7 @@ fn judge(runs: usize, seed: u64, bent_lines: bool) -> (usize, Vec<String>) {
                     "{k}: {in_sds:.1?} sd, tone {:.3} (sd {:.4}), edges {:.3} ({light:?}) {line:?}",
                     fit.tone,
                     response.covariance[(0, 0)].sqrt(),
-                    fit.edge_doubt
+                    fit.edge_model_error
                 ));
             }
         }

@@ -236,7 +236,7 @@ impl Core {
     }
 
     pub(super) fn outbox_held(&mut self) -> bool {
-        // With several sets in the queue the kernel's count cannot be told apart: only the last one is checked.
+        // With several sets in the queue the kernel's count is ambiguous: only the last one is checked.
         self.outbox.len() == 1
             && self
                 .link

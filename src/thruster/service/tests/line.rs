@@ -167,7 +167,7 @@ fn a_controller_reset_while_running_is_noticed_by_its_next_ack() {
     assert_eq!(b.events("thruster.reset").len(), 1);
     assert!(b.at_neutral());
     b.run_ms(3000);
-    assert_eq!(b.events("thruster.reset").len(), 1, "told once");
+    assert_eq!(b.events("thruster.reset").len(), 1, "reported once");
     // The controller's stamps keep rising within the new generation.
     b.plan(1.0, constant(10.0));
     b.run_ms(900);

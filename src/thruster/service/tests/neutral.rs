@@ -154,9 +154,9 @@ fn a_controller_that_talks_but_never_confirms_is_not_trusted() {
         })
     });
     b.run_ms(3000);
-    let told = b.events("thruster.no_echo");
-    assert_eq!(told.len(), 1);
-    let after_ns = told[0].timestamp_ns - unacked_ns;
+    let reported = b.events("thruster.no_echo");
+    assert_eq!(reported.len(), 1);
+    let after_ns = reported[0].timestamp_ns - unacked_ns;
     // timeout_s = 0.3 s from the first command without an echo, at most one period (20 ms) later.
     assert!((290 * MS..340 * MS).contains(&after_ns), "{after_ns}");
     assert!(b.at_neutral());
@@ -208,15 +208,15 @@ fn a_controller_that_contradicts_stops_the_plan() {
             event.values.iter().find(|v| v.0 == name).unwrap().1
         };
         assert!(!b.events("thruster.echo_mismatch").is_empty(), "{kind:?}");
-        let told = b.events("thruster.contradicted");
-        assert_eq!(told.len(), 1, "{kind:?}");
-        assert_eq!(told[0].severity, Severity::Error);
+        let reported = b.events("thruster.contradicted");
+        assert_eq!(reported.len(), 1, "{kind:?}");
+        assert_eq!(reported[0].severity, Severity::Error);
         let difference_us =
             said("thruster.contradicted", "sent_us") - said("thruster.contradicted", "echo_us");
         assert!(difference_us.abs() > 0.25, "{kind:?}");
         // timeout_s = 0.3 s from the first echo that differs; the load changes by a quarter microsecond only after a
         // few periods.
-        let after_ns = told[0].timestamp_ns - stuck_ns;
+        let after_ns = reported[0].timestamp_ns - stuck_ns;
         assert!(
             (300 * MS..600 * MS).contains(&after_ns),
             "{kind:?}: {after_ns}"

@@ -26,7 +26,7 @@ fn a_plan_waits_runs_and_completes() {
         assert_eq!(state(&b), PlanState::Running, "{kind:?}");
         b.run_ms(1000);
         assert_eq!(state(&b), PlanState::Completed, "{kind:?}");
-        // Being told to be quiet afterwards does not take it back.
+        // A command to be quiet afterwards does not take it back.
         NeutralHandle(b.shared.clone()).request(NeutralReason::Request);
         b.run_ms(50);
         assert_eq!(state(&b), PlanState::Completed, "{kind:?}");

@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A line that returns whatever it is told to: bytes, errors, nothing.
+/// A line that returns whatever is scripted: bytes, errors, nothing.
 struct Wild {
     clock: Arc<ManualClock>,
     script: std::vec::IntoIter<(u8, Vec<u8>)>,

@@ -1,13 +1,13 @@
-//! Steps of a fit, until it has settled.
+//! Levenberg–Marquardt steps of a fit, until it has converged.
 
 use super::super::photometric::{
-    BACKGROUND, BLACK, BRIGHTNESS, Column, Doubts, LOCAL, PARAMETERS, PRIOR_SD, Photometric,
-    Picture, Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
+    BACKGROUND, BLACK, BRIGHTNESS, Column, EdgeModelError, LOCAL, PARAMETERS, PRIOR_SD,
+    Photometric, Picture, Plan, State, Sums, THICKNESS, TONE, UNEVEN, Weighting,
 };
 use super::PoseFitter;
 use super::camera;
 use super::solve::{equations, in_si, squared_decrement};
-use super::valley::Valley;
+use super::weak_direction::WeakDirection;
 use hydroline_numerics::cholesky::Scaling;
 use hydroline_numerics::least_squares::{
     Damping, Ended, LeastSquares, Normal, Options, damped_step, minimise,
@@ -17,7 +17,7 @@ use std::convert::Infallible;
 
 /// How a frame's fit steps.
 ///
-/// Starts are within millimetres and the valley's coordinates are nearly straight, so the first step is an
+/// Starts are within millimetres and the model is nearly linear in [`WeakDirection`]'s coordinates, so the first step is an
 /// undamped one but for rounding (1e-9). A comparison of a frame is dear and few steps are rejected: where one is,
 /// something is far off, and damping rises by 30, after a state that no sheet and camera can have by 100. Pixels come
 /// and go with the edges: a cost higher by 1e-7 of itself is no rise. The unknowns come in units of their size.
@@ -39,13 +39,13 @@ const STEPS: Options = Options {
     ..Options::DEFAULT
 };
 
-/// The squared way to go, in sds, from which one more step is enough without looking at it again.
+/// The squared Newton decrement, in sds, below which one more step is taken unchecked.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Settled {
+pub(super) enum Convergence {
     /// In all that is free.
     All(f64),
-    /// In what the light bends with, all that it is linear in following.
-    Bending(f64),
+    /// In what the light is nonlinear in, the linear unknowns eliminated.
+    Nonlinear(f64),
 }
 
 /// Where a step that gains no more than this (a third of an sd) turns out to gain nothing, the rest
@@ -64,14 +64,14 @@ const LINEAR: [usize; 2 + UNEVEN] = {
     linear
 };
 
-/// No step is longer than the weights say by more than this.
+/// Most by which a step is longer than the weights imply.
 const STRIDE_MOST: f64 = 1.5;
 
 impl PoseFitter {
     /// The fit of the free parameters, in so many steps at most and so near to the end: the state, and the sums that near to
     /// it.
     #[allow(clippy::too_many_arguments)]
-    pub(super) fn settle(
+    pub(super) fn converge(
         &self,
         model: &Photometric,
         plan: &Plan,
@@ -79,8 +79,8 @@ impl PoseFitter {
         start: State,
         free: &[bool; PARAMETERS],
         weighting: &Weighting,
-        doubts: &mut Doubts,
-        (iterations, settled): (usize, Settled),
+        model_error: &mut EdgeModelError,
+        (iterations, converged): (usize, Convergence),
     ) -> Option<(State, Sums)> {
         let mut frame = Frame {
             fitter: self,
@@ -89,11 +89,11 @@ impl PoseFitter {
             picture,
             free,
             weighting,
-            doubts,
-            linear_too: matches!(settled, Settled::All(_)),
+            model_error,
+            linear_too: matches!(converged, Convergence::All(_)),
             here: None,
         };
-        let (Settled::All(enough) | Settled::Bending(enough)) = settled;
+        let (Convergence::All(enough) | Convergence::Nonlinear(enough)) = converged;
         let options = Options {
             trials_max: iterations,
             decrement_enough: enough,
@@ -104,8 +104,8 @@ impl PoseFitter {
         solved.then_some((found.at, found.evaluated))
     }
 
-    /// Adds what is known beforehand of light, and what the run has shown of the sheet's thickness.
-    pub(super) fn know(&self, sums: &mut Sums, state: &State) {
+    /// Adds the priors of light and camera, and what the run has shown of the sheet's thickness.
+    pub(super) fn add_priors(&self, sums: &mut Sums, state: &State) {
         let mut weigh = |k: usize, off: f64, weight: f64| {
             sums.information[(k, k)] += weight;
             sums.gradient[k] += weight * off;
@@ -114,7 +114,7 @@ impl PoseFitter {
         for (k, (found, sd)) in state.uneven.iter().zip(PRIOR_SD).enumerate() {
             weigh(LOCAL + k, -found, 1.0 / (sd * sd));
         }
-        let known = &self.beforehand;
+        let known = &self.response_prior;
         let off = known.mean - camera::of_run(state);
         for (k, off) in off.iter().enumerate() {
             weigh(TONE + k, *off, known.information[(k, k)]);
@@ -126,7 +126,7 @@ impl PoseFitter {
                 1.0 / (sd_m * sd_m),
             );
         }
-        // Where the rig states γ and b, it knows one by the other.
+        // Where the rig states γ and b, their errors are correlated.
         let both = known.information[(0, 1)];
         if both != 0.0 {
             sums.information[(TONE, BLACK)] += both;
@@ -158,11 +158,11 @@ struct Frame<'a> {
     picture: &'a Picture<'a>,
     free: &'a [bool; PARAMETERS],
     weighting: &'a Weighting,
-    doubts: &'a mut Doubts,
-    /// Whether what the light is linear in counts for the way that is left.
+    model_error: &'a mut EdgeModelError,
+    /// Whether what the light is linear in counts in the decrement.
     linear_too: bool,
-    /// Where the last linearisation was made: its valley, and how much longer than said steps are.
-    here: Option<(Valley, f64)>,
+    /// Coordinates of the last linearisation, and the factor by which steps are lengthened.
+    here: Option<(WeakDirection, f64)>,
 }
 
 impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
@@ -172,8 +172,15 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
 
     fn cost(&mut self, state: &State, sums: &mut Sums) -> Option<f64> {
         let (model, picture) = (self.model, self.picture);
-        *sums = model.compare(self.plan, picture, state, self.weighting, self.doubts, true);
-        self.fitter.know(sums, state);
+        *sums = model.compare(
+            self.plan,
+            picture,
+            state,
+            self.weighting,
+            self.model_error,
+            true,
+        );
+        self.fitter.add_priors(sums, state);
         Some(sums.cost)
     }
 
@@ -187,21 +194,21 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
         state: &State,
         sums: &Sums,
     ) -> Result<Normal<Const<PARAMETERS>>, Infallible> {
-        let valley = Valley::new(&state.pose, &self.fitter.mounts);
-        let equations = equations(sums, &valley);
-        self.here = Some((valley, stride(sums)));
+        let weak_direction = WeakDirection::new(&state.pose, &self.fitter.mounts);
+        let equations = equations(sums, &weak_direction);
+        self.here = Some((weak_direction, stride(sums)));
         Ok(equations)
     }
 
     fn left(&self, normal: &Normal<Const<PARAMETERS>>) -> Option<f64> {
         let free = |k: &usize| self.free[*k];
         let linear = LINEAR.into_iter().filter(free);
-        let bending = (0..PARAMETERS).filter(|k| free(k) && !LINEAR.contains(k));
-        squared_decrement(normal, linear, bending).map(|[linear, bending]| {
+        let nonlinear = (0..PARAMETERS).filter(|k| free(k) && !LINEAR.contains(k));
+        squared_decrement(normal, linear, nonlinear).map(|[linear, nonlinear]| {
             if self.linear_too {
-                linear + bending
+                linear + nonlinear
             } else {
-                bending
+                nonlinear
             }
         })
     }
@@ -211,15 +218,15 @@ impl LeastSquares<Const<PARAMETERS>> for Frame<'_> {
     }
 
     fn moved(&self, state: &State, step: &Column) -> Option<State> {
-        let (valley, stride) = self.here.as_ref()?;
-        let next = valley.moved(state, &(in_si(step) * *stride));
-        sane(&next).then_some(next)
+        let (weak_direction, stride) = self.here.as_ref()?;
+        let next = weak_direction.moved(state, &(in_si(step) * *stride));
+        plausible(&next).then_some(next)
     }
 }
 
-/// By how much a step is longer than the weights say: they fall as a residual grows, so that its pull
+/// By how much a step is longer than the weights imply: they fall as a residual grows, so that its pull
 /// changes by less than its weight (Tukey's at 6 noise sds: 0.84 instead of 0.95). A step as long as the
-/// weights say stops an eighth short of its goal.
+/// weights imply stops an eighth short of its goal.
 fn stride(sums: &Sums) -> f64 {
     let found = sums.tally.weights / sums.tally.slopes;
     if found.is_finite() {
@@ -230,7 +237,7 @@ fn stride(sums: &Sums) -> f64 {
 }
 
 /// A state that a sheet and a camera can have.
-pub(super) fn sane(state: &State) -> bool {
+pub(super) fn plausible(state: &State) -> bool {
     let p = &state.pose;
     state.pose.to_array().iter().all(|v| v.is_finite())
         && p.phi_rad.abs() < 0.7

@@ -1,82 +1,82 @@
-//! How much of a pixel's light passes the edges of the tops: its own, and those before it.
+//! Visible fraction of a pixel's light: inside its own upper face's edges, and not hidden by higher ones.
 
 use super::Photometric;
 use super::grid::Grid;
 use super::plan::{Cut, Near, Plan, Strip};
-use super::turned::{EdgeTurned, Hit, Ray, Turned, dot};
+use super::pose_geometry::{EdgeGeometry, Hit, PoseGeometry, Ray, dot};
 use crate::normal::{Both, Pair, Tables};
 use crate::outline::{Edge, Outline};
 
-/// How much of the light of a pixel passes, with what moves it.
+/// Visible fraction of a pixel's light, with its derivatives.
 #[derive(Clone, Copy)]
-pub(super) struct Passing {
+pub(super) struct Visibility {
     pub share: f64,
     /// d share / d pose.
     pub by_pose: [f64; 6],
     /// d share / d thickness.
     pub by_thickness: f64,
     /// d share / d share of the blur that is formed on the pixel grid.
-    pub bent: f64,
-    /// How far the share hangs on what stands at an upright corner.
-    pub unsure: f64,
+    pub by_grid: f64,
+    /// How far the share depends on what stands at an upright corner.
+    pub uncertain: f64,
     /// An edge is near enough to cut the light.
-    pub torn: bool,
+    pub cut: bool,
 }
 
-impl Passing {
-    const ALL: Passing = Passing {
+impl Visibility {
+    const ALL: Visibility = Visibility {
         share: 1.0,
         by_pose: [0.0; 6],
         by_thickness: 0.0,
-        bent: 0.0,
-        unsure: 0.0,
-        torn: false,
+        by_grid: 0.0,
+        uncertain: 0.0,
+        cut: false,
     };
-    const NONE: Passing = Passing {
+    const NONE: Visibility = Visibility {
         share: 0.0,
-        ..Passing::ALL
+        ..Visibility::ALL
     };
 
-    fn blocked(self) -> Passing {
-        Passing {
+    fn blocked(self) -> Visibility {
+        Visibility {
             share: 1.0 - self.share,
             by_pose: self.by_pose.map(|d| -d),
             by_thickness: -self.by_thickness,
-            bent: -self.bent,
+            by_grid: -self.by_grid,
             ..self
         }
     }
 
-    fn and(self, other: Passing) -> Passing {
-        if !other.torn && other.share == 1.0 {
+    fn and(self, other: Visibility) -> Visibility {
+        if !other.cut && other.share == 1.0 {
             return self;
         }
-        if !self.torn && self.share == 1.0 {
+        if !self.cut && self.share == 1.0 {
             return other;
         }
-        Passing {
+        Visibility {
             share: self.share * other.share,
             by_pose: std::array::from_fn(|i| {
                 self.by_pose[i] * other.share + self.share * other.by_pose[i]
             }),
             by_thickness: self.by_thickness * other.share + self.share * other.by_thickness,
-            bent: self.bent * other.share + self.share * other.bent,
-            unsure: self.unsure * other.share + self.share * other.unsure,
-            torn: self.torn || other.torn,
+            by_grid: self.by_grid * other.share + self.share * other.by_grid,
+            uncertain: self.uncertain * other.share + self.share * other.uncertain,
+            cut: self.cut || other.cut,
         }
     }
 }
 
-/// How much of a pixel's light is open \[grey levels\].
+/// How much of a pixel's light depends on where edges and corners are \[grey levels\].
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Doubt {
-    /// Cut by edges: all of it where one is cut in half.
+pub(super) struct Sensitivity {
+    /// By edges: all of its light where it is cut in half.
     pub edge: f64,
-    /// Seen past an upright corner or not.
+    /// By upright corners: seen past one or not.
     pub corner: f64,
 }
 
-/// What an edge needs to know of the stripe at a pixel.
+/// The stripe at a pixel, as an edge's distance depends on it.
 pub(super) struct Stripe {
     pub s: f64,
     pub s_slope: [f64; 2],
@@ -96,54 +96,54 @@ pub(super) struct Standard {
     pub dx_thickness: f64,
 }
 
-/// All that a pixel's shares are found from.
-pub(super) struct Look<'a> {
-    pub turned: &'a Turned,
+/// All that a pixel's visible fraction depends on.
+pub(super) struct PixelContext<'a> {
+    pub geometry: &'a PoseGeometry,
     pub plan: &'a Plan,
     pub ray: &'a Ray,
     pub tables: &'static Tables,
     pub grid: &'a Grid,
     /// Share of the blur that is formed on the pixel grid.
     pub grid_share: f64,
-    /// Whether derivatives by what is the run's are asked for.
+    /// Whether derivatives by the run's parameters are wanted.
     pub of_run: bool,
 }
 
 impl Photometric {
-    /// What passes of a strip's light: on its own top, and in front of nothing higher.
-    pub(super) fn passing(
+    /// Visible fraction of a strip's light: on its own upper face, and behind nothing higher.
+    pub(super) fn visibility(
         &self,
-        look: &Look<'_>,
+        context: &PixelContext<'_>,
         strip: &Strip,
         hit: &Hit,
         stripe: &Stripe,
-    ) -> Passing {
-        let mut passing = Passing::ALL;
-        for cut in look.plan.cuts(strip) {
-            if passing.share == 0.0 {
+    ) -> Visibility {
+        let mut visibility = Visibility::ALL;
+        for cut in context.plan.cuts(strip) {
+            if visibility.share == 0.0 {
                 break;
             }
-            let top = &self.surfaces.tops[cut.top];
-            let foot = self.inside(look, cut.top, &cut.foot, hit, stripe);
+            let face = &self.surfaces.faces[cut.face];
+            let foot = self.inside(context, cut.face, &cut.foot, hit, stripe);
             if cut.own {
-                passing = passing.and(foot);
+                visibility = visibility.and(foot);
                 continue;
             }
-            // The slab hides what lies under its top and, seen from the side, behind it: in the
-            // image the union of its foot and its top, of which the one that reaches farther decides.
-            let hidden = match self.hit(look.turned, look.ray, top.height_m) {
+            // The slab hides what lies under its upper face and, seen from the side, behind it: in the
+            // image the union of its foot and its upper face, of which the one that reaches farther counts.
+            let hidden = match self.hit(context.geometry, context.ray, face.height_m) {
                 Some(above) if foot.share < 1.0 => {
-                    let head = self.inside(look, cut.top, &cut.head, &above, stripe);
+                    let head = self.inside(context, cut.face, &cut.head, &above, stripe);
                     let covered = if head.share > foot.share { head } else { foot };
-                    // Past an upright corner light shows or not by how sharp the corner is: what
-                    // the two answers differ by is not known, and is said to be not known.
+                    // Past an upright corner light shows or not by how sharp the corner is: the
+                    // difference of the two results is uncertain, and is counted as such.
                     let swept = cut
                         .upright
-                        .then(|| self.swept(look, cut, [hit, &above], stripe))
+                        .then(|| self.swept(context, cut, [hit, &above], stripe))
                         .flatten();
                     match swept {
-                        Some(swept) => Passing {
-                            unsure: swept.unsure + (swept.share - covered.share).abs(),
+                        Some(swept) => Visibility {
+                            uncertain: swept.uncertain + (swept.share - covered.share).abs(),
                             ..swept
                         },
                         None => covered,
@@ -151,26 +151,26 @@ impl Photometric {
                 }
                 _ => foot,
             };
-            passing = passing.and(hidden.blocked());
+            visibility = visibility.and(hidden.blocked());
         }
-        passing
+        visibility
     }
 
     /// What a slab hides about an upright edge of its silhouette: where a convex corner has one face
-    /// towards the camera and one away from it, the foot of the first, the top of the second and
+    /// towards the camera and one away from it, the foot of the first, the upper face of the second and
     /// the upright edge between them bound the dark. `None` where no such corner is near.
     fn swept(
         &self,
-        look: &Look<'_>,
+        context: &PixelContext<'_>,
         cut: &Cut,
         [foot, head]: [&Hit; 2],
         stripe: &Stripe,
-    ) -> Option<Passing> {
-        let outline = &self.surfaces.tops[cut.top].outline;
+    ) -> Option<Visibility> {
+        let outline = &self.surfaces.faces[cut.face].outline;
         let n = outline.edges.len();
-        let near = look.plan.near(&cut.foot).iter();
-        let near = near.chain(look.plan.near(&cut.head));
-        let reach_m = 1.5 * look.plan.edge_reach_m;
+        let near = context.plan.near(&cut.foot).iter();
+        let near = near.chain(context.plan.near(&cut.head));
+        let reach_m = 1.5 * context.plan.edge_reach_m;
         let (k, upright) = upright_corner(outline, near.copied(), foot.p, head.p, [reach_m; 2])?;
         let along = upright.along;
         let toward = |e: &Edge| e.inward[0] * along[0] + e.inward[1] * along[1];
@@ -180,31 +180,37 @@ impl Photometric {
         } else {
             (after, before)
         };
-        let own = |k: usize| look.turned.edge(cut.top, k);
-        let upright = look.turned.edge_of(upright.from_m, upright.inward);
+        let own = |k: usize| context.geometry.edge(cut.face, k);
+        let upright = context.geometry.edge_of(upright.from_m, upright.inward);
         let mut sides = [
-            standard(look.ray, own(facing), foot, stripe),
-            standard(look.ray, own(averted), head, stripe),
-            standard(look.ray, &upright, foot, stripe),
+            standard(context.ray, own(facing), foot, stripe),
+            standard(context.ray, own(averted), head, stripe),
+            standard(context.ray, &upright, foot, stripe),
         ];
         sides.sort_by(|a, b| a.x.total_cmp(&b.x));
         let [first, second, third] = &sides;
-        Some(corner(first, second, true, stripe, look).and(third.alone(look)))
+        Some(corner(first, second, true, stripe, context).and(third.alone(context)))
     }
 
-    /// Share of the light that falls inside a top's outline.
+    /// Share of the light that falls inside an upper face's outline.
     fn inside(
         &self,
-        look: &Look<'_>,
-        top: usize,
+        context: &PixelContext<'_>,
+        face: usize,
         near: &Near,
         hit: &Hit,
         stripe: &Stripe,
-    ) -> Passing {
-        let wholly = |inside: bool| if inside { Passing::ALL } else { Passing::NONE };
-        let outline = &self.surfaces.tops[top].outline;
+    ) -> Visibility {
+        let wholly = |inside: bool| {
+            if inside {
+                Visibility::ALL
+            } else {
+                Visibility::NONE
+            }
+        };
+        let outline = &self.surfaces.faces[face].outline;
         let mut nearest: Option<(f64, usize, f64, f64)> = None;
-        for k in look.plan.near(near).iter().map(|k| usize::from(*k)) {
+        for k in context.plan.near(near).iter().map(|k| usize::from(*k)) {
             let edge = &outline.edges[k];
             let (along, inside) = (edge.along_m(hit.p), edge.inside_m(hit.p));
             let beyond = (-along).max(along - edge.length_m).max(0.0);
@@ -216,10 +222,10 @@ impl Photometric {
         let Some((square, nearest, along, inside)) = nearest else {
             return wholly(near.inside);
         };
-        let reach_m = look.plan.edge_reach_m;
+        let reach_m = context.plan.edge_reach_m;
         let edge = &outline.edges[nearest];
         if square > reach_m * reach_m {
-            // Beside the nearest edge its side decides; beyond its ends the whole outline.
+            // Beside the nearest edge its side counts; beyond its ends the whole outline.
             return wholly(if along > 0.0 && along < edge.length_m {
                 inside > 0.0
             } else {
@@ -227,7 +233,12 @@ impl Photometric {
             });
         }
         let n = outline.edges.len();
-        let first = standard(look.ray, look.turned.edge(top, nearest), hit, stripe);
+        let first = standard(
+            context.ray,
+            context.geometry.edge(face, nearest),
+            hit,
+            stripe,
+        );
         let neighbour = if along < reach_m && along < 0.5 * edge.length_m {
             Some(((nearest + n - 1) % n, edge.convex_at_start))
         } else if edge.length_m - along < reach_m {
@@ -237,14 +248,14 @@ impl Photometric {
             None
         };
         let Some((other, convex)) = neighbour else {
-            return first.alone(look);
+            return first.alone(context);
         };
-        let second = standard(look.ray, look.turned.edge(top, other), hit, stripe);
-        corner(&first, &second, convex, stripe, look)
+        let second = standard(context.ray, context.geometry.edge(face, other), hit, stripe);
+        corner(&first, &second, convex, stripe, context)
     }
 }
 
-pub(super) fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe) -> Standard {
+pub(super) fn standard(ray: &Ray, edge: &EdgeGeometry, hit: &Hit, stripe: &Stripe) -> Standard {
     // What a body direction adds to the distance.
     let row = &edge.row;
     let toward = dot(row, &ray.sight);
@@ -284,17 +295,17 @@ pub(super) fn standard(ray: &Ray, edge: &EdgeTurned, hit: &Hit, stripe: &Stripe)
 
 impl Standard {
     /// Share inside this edge alone.
-    fn alone(&self, look: &Look<'_>) -> Passing {
-        let (share, slope) = look.tables.normal(self.x);
-        let (bent, bent_slope) = look.grid.across(self.slope).at(self.x);
-        let slope = slope + look.grid_share * bent_slope;
-        Passing {
-            share: share + look.grid_share * bent,
-            bent,
+    fn alone(&self, context: &PixelContext<'_>) -> Visibility {
+        let (share, slope) = context.tables.normal(self.x);
+        let (by_grid, by_grid_slope) = context.grid.across(self.slope).at(self.x);
+        let slope = slope + context.grid_share * by_grid_slope;
+        Visibility {
+            share: share + context.grid_share * by_grid,
+            by_grid,
             by_pose: self.dx.map(|d| slope * d),
             by_thickness: slope * self.dx_thickness,
-            unsure: 0.0,
-            torn: true,
+            uncertain: 0.0,
+            cut: true,
         }
     }
 }
@@ -308,18 +319,18 @@ fn corner(
     second: &Standard,
     convex: bool,
     stripe: &Stripe,
-    look: &Look<'_>,
-) -> Passing {
-    let tables = look.tables;
+    context: &PixelContext<'_>,
+) -> Visibility {
+    let tables = context.tables;
     let (h, k) = (first.x, second.x);
     // Far inside one of two that must both hold, or far outside one of two of which either will do:
-    // the other decides.
+    // the other one bounds the light.
     let idle = |x: f64| if convex { x > FAR } else { x < -FAR };
     if idle(k) {
-        return first.alone(look);
+        return first.alone(context);
     }
     if idle(h) {
-        return second.alone(look);
+        return second.alone(context);
     }
     let pair = Pair::near(correlation(first, second, stripe));
     let found = if convex {
@@ -327,49 +338,56 @@ fn corner(
     } else {
         pair.either(h, k, tables)
     };
-    let bends = [first, second].map(|e| look.grid.across(e.slope).at(e.x));
-    let found = Bent::of(found, [h, k], bends, convex, look.grid_share, tables);
+    let deviations = [first, second].map(|e| context.grid.across(e.slope).at(e.x));
+    let found = CornerShare::of(
+        found,
+        [h, k],
+        deviations,
+        convex,
+        context.grid_share,
+        tables,
+    );
     let [a, b] = found.by;
-    Passing {
+    Visibility {
         share: found.share,
-        bent: found.bent,
+        by_grid: found.by_grid,
         by_pose: std::array::from_fn(|i| a * first.dx[i] + b * second.dx[i]),
         by_thickness: a * first.dx_thickness + b * second.dx_thickness,
-        unsure: 0.0,
-        torn: true,
+        uncertain: 0.0,
+        cut: true,
     }
 }
 
 /// Two edges at a corner with part of the blur on the pixel grid. What that part, κ, adds to one edge is taken where the
 /// other lets it pass, as if the two did not hang together: inside both Φ₂(h, k) + g κ(h) Φ(k) + g κ(k) Φ(h) + g² κ(h) κ(k).
-pub(super) struct Bent {
+pub(super) struct CornerShare {
     pub share: f64,
     pub by: [f64; 2],
-    pub bent: f64,
+    pub by_grid: f64,
 }
 
-impl Bent {
+impl CornerShare {
     pub fn of(
         both: Both,
         x: [f64; 2],
-        bends: [(f64, f64); 2],
+        deviations: [(f64, f64); 2],
         convex: bool,
         grid_share: f64,
         tables: &Tables,
-    ) -> Bent {
-        // Inside either is not inside neither: the same with all signs turned.
+    ) -> CornerShare {
+        // Inside either is not inside neither: the same with all signs changed.
         let sign = if convex { 1.0 } else { -1.0 };
         let [(pass_h, at_h), (pass_k, at_k)] = x.map(|x| tables.normal(sign * x));
-        let [(a, da), (b, db)] = bends;
+        let [(a, da), (b, db)] = deviations;
         let g = grid_share;
-        Bent {
+        CornerShare {
             share: (both.share + g * (a * pass_k + b * pass_h) + sign * g * g * a * b)
                 .clamp(0.0, 1.0),
             by: [
                 both.by[0] + g * (da * pass_k + sign * (b * at_h + g * da * b)),
                 both.by[1] + g * (db * pass_h + sign * (a * at_k + g * db * a)),
             ],
-            bent: a * pass_k + b * pass_h + sign * 2.0 * g * a * b,
+            by_grid: a * pass_k + b * pass_h + sign * 2.0 * g * a * b,
         }
     }
 }
@@ -383,7 +401,7 @@ pub(super) fn correlation(first: &Standard, second: &Standard, stripe: &Stripe) 
 
 /// The upright edge of a slab's silhouette nearest to where a ray passes, and the corner it stands
 /// on: a convex one with one face towards the camera and one away from it, between where the ray
-/// meets the top (`head`) and where it meets the level below (`foot`). `None` where none is near: so
+/// meets the upper face (`head`) and where it meets the level below (`foot`). `None` where none is near: so
 /// far beside the sight, or beyond its ends.
 pub(super) fn upright_corner(
     outline: &Outline,
@@ -423,7 +441,7 @@ pub(super) fn upright_corner(
             length_m,
             convex_at_start: true,
         };
-        // Along the sight the corner must lie between top and foot.
+        // Along the sight the corner must lie between upper face and foot.
         let beside = upright.inside_m(foot).abs();
         let behind = upright.along_m(foot);
         let between = behind > -beyond_m && behind < length_m + beyond_m;

@@ -1,5 +1,4 @@
-//! What is known of what is the run's before any of its frames is looked at: what cameras and lines are like, or what the
-//! rig states of this camera.
+//! The prior of what the frames of a run share: typical cameras and lines, or what the rig states of this camera.
 
 use super::{CameraResponse, OF_RUN, OfRun, OfRun2, PRIOR_SD, diagonal, of_constants};
 use hydroline_rigs::StatedResponse;
@@ -9,7 +8,7 @@ const CERTAIN_SD: [f64; 2] = [1e-4, 0.01];
 
 /// Mean and covariance before any frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Beforehand {
+pub struct ResponsePrior {
     /// What is held before a frame is looked at.
     pub(in super::super) mean: OfRun,
     /// Inverse of the covariance.
@@ -19,9 +18,9 @@ pub struct Beforehand {
     stated: Option<bool>,
 }
 
-impl Beforehand {
-    /// What cameras and lines are like.
-    pub const OF_CAMERAS: Beforehand = {
+impl ResponsePrior {
+    /// The prior of typical cameras and lines.
+    pub const OF_CAMERAS: ResponsePrior = {
         let (mut variances, mut weights) = ([0.0; OF_RUN], [0.0; OF_RUN]);
         let mut k = 0;
         while k < OF_RUN {
@@ -29,7 +28,7 @@ impl Beforehand {
             weights[k] = 1.0 / variances[k];
             k += 1;
         }
-        Beforehand {
+        ResponsePrior {
             mean: of_constants([0.0; OF_RUN]),
             information: diagonal(weights),
             covariance: diagonal(variances),
@@ -37,9 +36,9 @@ impl Beforehand {
         }
     };
 
-    /// What a rig states of its camera; of the rest what cameras and lines are like.
-    pub fn of_rig(stated: Option<&StatedResponse>) -> Beforehand {
-        let mut of = Beforehand::OF_CAMERAS;
+    /// What a rig states of its camera; for the rest the prior of typical cameras and lines.
+    pub fn of_rig(stated: Option<&StatedResponse>) -> ResponsePrior {
+        let mut of = ResponsePrior::OF_CAMERAS;
         let Some(stated) = stated else {
             return of;
         };
@@ -74,7 +73,7 @@ impl Beforehand {
         [self.mean[0], self.mean[1]]
     }
 
-    /// The response where no frame says anything of it.
+    /// The response where no frame determines it.
     pub fn response(&self) -> CameraResponse {
         if self.stated.is_none() {
             return CameraResponse::UNKNOWN;

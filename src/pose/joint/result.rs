@@ -1,4 +1,4 @@
-//! What a frame says of the pose, or why it says nothing.
+//! The pose estimated from a frame, or why there is none.
 
 use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
@@ -20,7 +20,7 @@ pub enum PoseCaveat {
     /// θ taken as known.
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
-    /// The target repeats itself and no hint said which repetition.
+    /// The target repeats itself and no hint states which repetition.
     #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
     WhichHexagon,
     /// Two different poses explain the frame about equally well.
@@ -48,7 +48,7 @@ pub struct JointPose {
     /// The same with the thickness \[m\] as seventh: it goes with the weak direction, and is the
     /// same in all frames of a run. Zero where held.
     pub covariance_with_thickness: Matrix7,
-    /// Sd of θ \[rad\] with the camera's response taken as it is held: what the frame's own pixels say.
+    /// Sd of θ \[rad\] with the camera's response taken as it is held: from the frame's own pixels alone.
     pub theta_sd_alone_rad: f64,
     /// Which of x, y, z, φ, θ, ψ the frame determines.
     pub measured: [bool; 6],
@@ -62,9 +62,9 @@ pub struct JointPose {
     pub tone: f64,
     /// Its black level as fitted \[grey levels\]; 0 where the response leaves light as it is, and the background holds it.
     pub black: f64,
-    /// What the line has across it beyond a Gaussian, as fitted: Hermite coefficients of orders 3 to 6.
+    /// The line's transverse profile as fitted: coefficients of Hermite polynomials of orders 3 to 10.
     pub across: [f64; ACROSS],
-    /// What the frame says of the response, where it is open ([`super::PoseFitter::with_response_open`]).
+    /// Estimate of the response from this frame, where it is open ([`super::PoseFitter::with_response_open`]).
     pub response: Option<ResponseSeen>,
     /// Coefficients of uneven light as fitted: of the brightness as a share of it, of the background \[grey levels\].
     pub uneven: [f64; UNEVEN],
@@ -74,8 +74,8 @@ pub struct JointPose {
     pub noise_sd: f64,
     /// Share of pixels set aside.
     pub rejected: f64,
-    /// Doubt of the edges' pixels as found, share of a pixel cut in half.
-    pub edge_doubt: f64,
+    /// Model error of the edges' pixels: sd beyond their noise, as a share of the light of a pixel cut in half.
+    pub edge_model_error: f64,
     /// Pixels compared.
     pub pixels: usize,
     /// What to mind.
@@ -83,8 +83,8 @@ pub struct JointPose {
 }
 
 impl JointPose {
-    /// Whether a caveat says that the pose should not be used without looking.
-    pub fn doubtful(&self) -> bool {
+    /// Whether a caveat flags the pose: not to be used without looking at it.
+    pub fn is_flagged(&self) -> bool {
         [
             PoseCaveat::WhichHexagon,
             PoseCaveat::Ambiguous,
@@ -103,7 +103,7 @@ impl JointPose {
             words.push(format!(
                 "{:.0} % of the pixels set aside, edges leave {:.2} of the light that they cut",
                 100.0 * self.rejected,
-                self.edge_doubt
+                self.edge_model_error
             ));
             words.push(self.light.to_string());
         }
@@ -139,15 +139,15 @@ pub enum PoseFault {
         /// Steps.
         steps: usize,
     },
-    /// A flat line that may lie on the floor, or on one of the target's tops.
+    /// A flat line that may lie on the floor, or on one of the target's upper faces.
     #[error(
-        "a flat line of {line_m:.2} m without an edge: floor, or one of the target's tops, on which up to {top_m:.2} m may lie; z is not known"
+        "a flat line of {line_m:.2} m without an edge: floor, or one of the target's upper faces, on which up to {face_m:.2} m may lie; z is not known"
     )]
-    FloorOrTop {
+    FloorOrFace {
         /// Its length \[m\].
         line_m: f64,
-        /// Longest line on a top \[m\].
-        top_m: f64,
+        /// Longest line on an upper face \[m\].
+        face_m: f64,
     },
     /// None near the hint.
     #[error(
@@ -170,9 +170,9 @@ pub enum PoseFault {
         /// What light and camera look like.
         light: LightSeen,
     },
-    /// The fit went astray.
-    #[error("the fit of the pose did not settle")]
-    Unsettled,
+    /// The fit did not converge.
+    #[error("the fit of the pose did not converge")]
+    NotConverged,
 }
 
 fn glare(light: &LightSeen) -> String {

@@ -1,14 +1,14 @@
 //! Strips that no edge cuts: most of the pixels, and only z, φ, θ and the light move them.
 //!
-//! Along the rows of a strip ds/d(z, φ, θ) and S² are straight to 1e-4 (they bend by the square of
+//! Along the rows of a strip ds/d(z, φ, θ) and S² are straight to 1e-4 (their curvature is the square of
 //! the share that a stripe's width has of the focal length), so a pixel needs one division and one
 //! exponential, and its derivatives are sums of five functions that all parameters share.
 
 use super::across::{ACROSS, Across};
 use super::lanes::Lanes;
 use super::plan::Strip;
-use super::sums::{BULK, Counter, Curve};
-use super::turned::{Ray, Turned, dot};
+use super::pose_geometry::{PoseGeometry, Ray, dot};
+use super::sums::{Counter, INTERIOR, RunParameters};
 use super::{OF_RUN, Photometric, State};
 use crate::normal::Tables;
 
@@ -23,13 +23,13 @@ struct End {
 }
 
 impl Photometric {
-    fn end(&self, turned: &Turned, strip: &Strip, row: usize, sigma_m: f64) -> Option<End> {
+    fn end(&self, geometry: &PoseGeometry, strip: &Strip, row: usize, sigma_m: f64) -> Option<End> {
         let [y, z] = self.table.sight(strip.column, row);
         let ray = Ray {
             sight: [self.table.lever_m, y, z],
             slopes: self.table.slopes(strip.column, row),
         };
-        let hit = self.hit(turned, &ray, self.height(strip.level))?;
+        let hit = self.hit(geometry, &ray, self.height(strip.level))?;
         let lever = self.table.lever_m;
         let [a, b] = hit.t_slope.map(|t| lever * t);
         let total2 = sigma_m * sigma_m + self.spread_px2 * (a * a + b * b);
@@ -41,30 +41,32 @@ impl Photometric {
     }
 
     /// Adds a strip that no edge cuts to the sums.
-    pub(super) fn compare_bulk(
+    pub(super) fn compare_interior(
         &self,
-        turned: &Turned,
+        geometry: &PoseGeometry,
         strip: &Strip,
         pixels: &[u8],
         state: &State,
         derivatives: bool,
         counter: &mut Counter<'_>,
     ) {
-        let all = (turned, strip, pixels, state, derivatives);
-        match counter.asked() {
-            Curve::Known => self.compare_bulk_by::<FRAME, FRAME>(all, counter),
-            Curve::Doubted => self.compare_bulk_by::<{ FRAME + OF_RUN }, FRAME>(all, counter),
-            Curve::Sought => {
-                self.compare_bulk_by::<{ FRAME + OF_RUN }, { FRAME + OF_RUN }>(all, counter)
+        let all = (geometry, strip, pixels, state, derivatives);
+        match counter.run_parameters() {
+            RunParameters::Known => self.compare_interior_by::<FRAME, FRAME>(all, counter),
+            RunParameters::Considered => {
+                self.compare_interior_by::<{ FRAME + OF_RUN }, FRAME>(all, counter)
+            }
+            RunParameters::Estimated => {
+                self.compare_interior_by::<{ FRAME + OF_RUN }, { FRAME + OF_RUN }>(all, counter)
             }
         }
     }
 
-    /// The same with so many of [`FRAME`] and what is the run's; of those after the first OWN no products with each other.
+    /// The same with so many of [`FRAME`] and the run's parameters; of those after the first OWN no products with each other.
     #[inline]
-    fn compare_bulk_by<const N: usize, const OWN: usize>(
+    fn compare_interior_by<const N: usize, const OWN: usize>(
         &self,
-        (turned, strip, pixels, state, derivatives): (&Turned, &Strip, &[u8], &State, bool),
+        (geometry, strip, pixels, state, derivatives): (&PoseGeometry, &Strip, &[u8], &State, bool),
         counter: &mut Counter<'_>,
     ) {
         let Some([first, last]) =
@@ -75,8 +77,8 @@ impl Photometric {
         };
         let sigma = state.thickness_m;
         let (Some(a), Some(b)) = (
-            self.end(turned, strip, first, sigma),
-            self.end(turned, strip, last, sigma),
+            self.end(geometry, strip, first, sigma),
+            self.end(geometry, strip, last, sigma),
         ) else {
             return;
         };
@@ -89,15 +91,16 @@ impl Photometric {
         let full = self.albedo(strip.level) * sigma;
         let (height, height_slope) = line(full * a.inverse, full * b.inverse);
         let lever = self.table.lever_m;
-        let r3 = &turned.r[2];
+        let r3 = &geometry.r[2];
         let ahead = r3[0] * lever;
         let eye = self.table.eye_m;
-        let over = -self.height(strip.level) - turned.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
+        let over =
+            -self.height(strip.level) - geometry.position[2] - dot(r3, &[eye.x, eye.y, eye.z]);
         let of_sigma = 1.0 / sigma;
         let across = Across::new(&state.across, sigma);
         let faded = across.faded(1.0 / total2);
         // Sums of products of: d light/ds, the same times the row, d/d brightness, d/d thickness, 1, d/d tone, d/d black, and
-        // by what the line has across.
+        // by the coefficients of the line's transverse profile.
         let mut products = [[0.0; N]; N];
         let mut right = [0.0; N];
         let mut waiting = Lanes::<N>::new();
@@ -131,9 +134,9 @@ impl Photometric {
             let light = state.brightness * bare;
             let background = counter.background(state.background, first + k);
             let judged = if N > FRAME {
-                counter.bulk::<true>(grey, light, background, &mut tally)
+                counter.interior::<true>(grey, light, background, &mut tally)
             } else {
-                counter.bulk::<false>(grey, light, background, &mut tally)
+                counter.interior::<false>(grey, light, background, &mut tally)
             };
             let Some(judged) = judged.filter(|_| derivatives) else {
                 continue;
@@ -154,7 +157,10 @@ impl Photometric {
             }
             if OWN == FRAME + OF_RUN {
                 let x = s * of_total2.sqrt();
-                counter.sums.left.see(x, judged.weight, judged.residual);
+                counter
+                    .sums
+                    .line_residuals
+                    .see(x, judged.weight, judged.residual);
             }
             if waiting.push(&j, judged.weight, judged.residual) {
                 waiting.empty_first_into::<N, OWN>(&mut products, &mut right);
@@ -168,22 +174,22 @@ impl Photometric {
         // Of each pose parameter: ds in the middle, and what it gains per row.
         let pose: [(f64, f64); 3] = std::array::from_fn(|k| line(a.ds[k], b.ds[k]));
         for (n, &(m, g)) in pose.iter().enumerate() {
-            let row = &mut counter.information[BULK[n]];
+            let row = &mut counter.information[INTERIOR[n]];
             for (k, &(mk, gk)) in pose[..=n].iter().enumerate() {
-                row[BULK[k]] += m * mk * products[0][0]
+                row[INTERIOR[k]] += m * mk * products[0][0]
                     + (m * gk + g * mk) * products[1][0]
                     + g * gk * products[1][1];
             }
-            counter.gradient[BULK[n]] += m * right[0] + g * right[1];
+            counter.gradient[INTERIOR[n]] += m * right[0] + g * right[1];
             for light in 2..N {
-                counter.information[BULK[light + 1]][BULK[n]] +=
+                counter.information[INTERIOR[light + 1]][INTERIOR[n]] +=
                     m * products[light][0] + g * products[light][1];
             }
         }
         for a in 2..N {
-            counter.gradient[BULK[a + 1]] += right[a];
+            counter.gradient[INTERIOR[a + 1]] += right[a];
             for b in 2..=a {
-                counter.information[BULK[a + 1]][BULK[b + 1]] += products[a][b];
+                counter.information[INTERIOR[a + 1]][INTERIOR[b + 1]] += products[a][b];
             }
         }
     }

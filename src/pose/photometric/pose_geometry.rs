@@ -7,22 +7,22 @@ use nalgebra::Matrix3;
 
 type Rows = [[f64; 3]; 3];
 
-/// Rotation with its derivatives, and the edges of all tops as the body sees them.
-pub(super) struct Turned {
+/// Rotation with its derivatives, and the edges of all upper faces as the body sees them.
+pub(super) struct PoseGeometry {
     /// Body to tank.
     pub r: Rows,
     /// d r / d(φ, θ, ψ).
     pub by: [Rows; 3],
     pub position: [f64; 3],
-    /// Edges of all tops, one top after the other.
-    edges: Vec<EdgeTurned>,
-    /// First edge of each top.
+    /// Edges of all upper faces, one upper face after the other.
+    edges: Vec<EdgeGeometry>,
+    /// First edge of each upper face.
     first: Vec<usize>,
 }
 
 /// An edge: its distance from the body point x is `offset_m` + `row`·x, positive inside.
 #[derive(Clone, Copy)]
-pub(super) struct EdgeTurned {
+pub(super) struct EdgeGeometry {
     pub offset_m: f64,
     pub row: [f64; 3],
     /// d row / d(φ, θ, ψ).
@@ -30,7 +30,7 @@ pub(super) struct EdgeTurned {
     pub inward: [f64; 2],
 }
 
-impl EdgeTurned {
+impl EdgeGeometry {
     fn new(
         from_m: [f64; 2],
         inward: [f64; 2],
@@ -40,7 +40,7 @@ impl EdgeTurned {
     ) -> Self {
         let [nx, ny] = inward;
         let turn = |m: &Rows| std::array::from_fn(|i| nx * m[0][i] + ny * m[1][i]);
-        EdgeTurned {
+        EdgeGeometry {
             offset_m: nx * (position[0] - from_m[0]) + ny * (position[1] - from_m[1]),
             row: turn(r),
             by: [turn(&by[0]), turn(&by[1]), turn(&by[2])],
@@ -53,7 +53,7 @@ pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-impl Turned {
+impl PoseGeometry {
     pub fn new(pose: &Pose, surfaces: &Surfaces) -> Self {
         let (sf, cf) = pose.phi_rad.sin_cos();
         let (st, ct) = pose.theta_rad.sin_cos();
@@ -67,31 +67,31 @@ impl Turned {
         let rows = |m: Matrix3<f64>| -> Rows {
             std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
         };
-        let mut turned = Turned {
+        let mut geometry = PoseGeometry {
             r: rows(rz * ry * rx),
             by: [rows(rz * ry * dx), rows(rz * dy * rx), rows(dz * ry * rx)],
             position: pose.position_m().into(),
             edges: Vec::with_capacity(64),
-            first: Vec::with_capacity(surfaces.tops.len()),
+            first: Vec::with_capacity(surfaces.faces.len()),
         };
-        for top in &surfaces.tops {
-            turned.first.push(turned.edges.len());
-            for e in &top.outline.edges {
-                let edge = turned.edge_of(e.from_m, e.inward);
-                turned.edges.push(edge);
+        for face in &surfaces.faces {
+            geometry.first.push(geometry.edges.len());
+            for e in &face.outline.edges {
+                let edge = geometry.edge_of(e.from_m, e.inward);
+                geometry.edges.push(edge);
             }
         }
-        turned
+        geometry
     }
 
-    /// The `edge`-th edge of a top.
-    pub fn edge(&self, top: usize, edge: usize) -> &EdgeTurned {
-        &self.edges[self.first[top] + edge]
+    /// The `edge`-th edge of an upper face.
+    pub fn edge(&self, face: usize, edge: usize) -> &EdgeGeometry {
+        &self.edges[self.first[face] + edge]
     }
 
-    /// An edge that is none of a top's own.
-    pub fn edge_of(&self, from_m: [f64; 2], inward: [f64; 2]) -> EdgeTurned {
-        EdgeTurned::new(from_m, inward, &self.r, &self.by, &self.position)
+    /// An edge that is none of an upper face's own.
+    pub fn edge_of(&self, from_m: [f64; 2], inward: [f64; 2]) -> EdgeGeometry {
+        EdgeGeometry::new(from_m, inward, &self.r, &self.by, &self.position)
     }
 }
 
@@ -116,13 +116,13 @@ pub(super) struct Hit {
 
 impl Photometric {
     /// Where a ray meets a height.
-    pub(super) fn hit(&self, turned: &Turned, ray: &Ray, height_m: f64) -> Option<Hit> {
-        let r3 = &turned.r[2];
+    pub(super) fn hit(&self, geometry: &PoseGeometry, ray: &Ray, height_m: f64) -> Option<Hit> {
+        let r3 = &geometry.r[2];
         let d = &ray.sight;
         let eye: [f64; 3] = [self.table.eye_m.x, self.table.eye_m.y, self.table.eye_m.z];
         let down = dot(r3, d);
         let inverse = 1.0 / down;
-        let t = (-height_m - turned.position[2] - dot(r3, &eye)) * inverse;
+        let t = (-height_m - geometry.position[2] - dot(r3, &eye)) * inverse;
         if !(t.is_finite() && t > 0.0 && down > 0.0) {
             return None;
         }
@@ -133,13 +133,13 @@ impl Photometric {
             t_slope: [slope(&ray.slopes[0]), slope(&ray.slopes[1])],
             dt: [
                 -inverse,
-                -dot(&turned.by[0][2], &x) * inverse,
-                -dot(&turned.by[1][2], &x) * inverse,
+                -dot(&geometry.by[0][2], &x) * inverse,
+                -dot(&geometry.by[1][2], &x) * inverse,
             ],
             x,
             p: [
-                turned.position[0] + dot(&turned.r[0], &x),
-                turned.position[1] + dot(&turned.r[1], &x),
+                geometry.position[0] + dot(&geometry.r[0], &x),
+                geometry.position[1] + dot(&geometry.r[1], &x),
             ],
         })
     }

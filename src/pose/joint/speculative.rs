@@ -1,9 +1,9 @@
-//! Poses fitted before it is known where the vehicle was: frames of a run side by side.
+//! Speculative fits: frames of a run in parallel, before the hint of each is known.
 //!
 //! A hint decides where a fit starts and nothing after that. So frames are fitted in parallel with the
-//! hint that the run's last known motion gives; when its turn comes, each is asked again where it
-//! would have started with the hint that it has now. Where that is the same, so is the pose, bit for
-//! bit; where not, it is fitted anew.
+//! hint predicted from the run's last known motion; in its turn, each frame's start is computed again
+//! with the actual hint. Where the start is the same, so is the pose, bit for bit; where not, the frame
+//! is fitted anew.
 
 use super::{Hint, JointPose, PoseFault, PoseFitter, Starts};
 use crate::initial::{self, Guess};
@@ -11,9 +11,9 @@ use crate::segments::Levels;
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::Profile;
 
-/// A frame fitted ahead of its turn.
+/// A frame fitted with a predicted hint.
 #[derive(Debug, Clone)]
-pub struct Ahead {
+pub struct Speculative {
     hint: Hint,
     levels: Result<(Levels, Vec<Guess>), PoseFault>,
     starts: Result<Starts, PoseFault>,
@@ -21,8 +21,8 @@ pub struct Ahead {
 }
 
 impl PoseFitter {
-    /// Fits a frame with the hint that is at hand.
-    pub fn ahead(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Ahead {
+    /// Fits a frame with a predicted hint.
+    pub fn speculative(&self, image: &GreyImage, profile: &Profile, hint: &Hint) -> Speculative {
         let levels = self.levels(image, profile).map(|levels| {
             let all = initial::guesses(&levels, &self.model.surfaces, &self.mounts);
             (levels, all)
@@ -34,7 +34,7 @@ impl PoseFitter {
         let pose = starts
             .clone()
             .and_then(|starts| self.fit_from(image, profile, starts, hint));
-        Ahead {
+        Speculative {
             hint: *hint,
             levels,
             starts,
@@ -42,21 +42,21 @@ impl PoseFitter {
         }
     }
 
-    /// The pose of that frame with the hint that it has when its turn comes: what [`Self::fit`] would say.
+    /// The pose of that frame under its actual hint: the result of [`Self::fit`].
     ///
     /// # Errors
-    /// [`PoseFault`] says why there is none.
-    pub fn fit_ahead(
+    /// [`PoseFault`]: why there is none.
+    pub fn fit_speculative(
         &self,
         image: &GreyImage,
         profile: &Profile,
-        ahead: Ahead,
+        speculative: Speculative,
         hint: &Hint,
     ) -> Result<JointPose, PoseFault> {
-        let (levels, all) = ahead.levels?;
+        let (levels, all) = speculative.levels?;
         let starts = self.starts(image, profile, &levels, &all, hint)?;
-        if ahead.hint.held == hint.held && ahead.starts.as_ref() == Ok(&starts) {
-            return ahead.pose;
+        if speculative.hint.held == hint.held && speculative.starts.as_ref() == Ok(&starts) {
+            return speculative.pose;
         }
         self.fit_from(image, profile, starts, hint)
     }

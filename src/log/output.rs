@@ -1,4 +1,4 @@
-//! Where a log file's bytes go. The writer sees only [`LogSink`]; tests inject slow and full ones.
+//! Where a log file's bytes go. The writer sees only [`LogOutput`]; tests inject slow and full ones.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -6,7 +6,7 @@ use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
 /// A growing file.
-pub trait LogSink: Write + Send {
+pub trait LogOutput: Write + Send {
     /// Makes everything written so far durable.
     ///
     /// # Errors
@@ -79,7 +79,7 @@ impl std::fmt::Display for NameLost {
     }
 }
 
-impl<T: LogSink + ?Sized> LogSink for Box<T> {
+impl<T: LogOutput + ?Sized> LogOutput for Box<T> {
     fn sync(&mut self) -> io::Result<()> {
         (**self).sync()
     }
@@ -105,14 +105,14 @@ const CLAIM_AHEAD_BYTES: u64 = 8 << 20;
 
 /// A real file: fdatasync, fallocate beyond the end.
 #[derive(Debug)]
-pub struct FileSink {
+pub struct FileOutput {
     file: File,
     path: PathBuf,
     claimed_bytes: u64,
     can_claim: bool,
 }
 
-impl FileSink {
+impl FileOutput {
     /// Creates the file; refuses to touch an existing one unless `replace`.
     ///
     /// # Errors
@@ -168,7 +168,7 @@ impl FileSink {
     }
 }
 
-impl Write for FileSink {
+impl Write for FileOutput {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         self.file.write(buf)
     }
@@ -177,7 +177,7 @@ impl Write for FileSink {
     }
 }
 
-impl LogSink for FileSink {
+impl LogOutput for FileOutput {
     fn sync(&mut self) -> io::Result<()> {
         self.file.sync_data()
     }

@@ -1,18 +1,18 @@
 //! Strips that edges and their corners cut, upright ones apart.
 //!
-//! Over the rows of a strip the distance from an edge bends by the square of the share that the
+//! Over the rows of a strip the distance from an edge is curved by the square of the share that the
 //! strip has of the focal length: a parabola through three rows holds it to a micrometre, and a
-//! line its derivatives to 1e-4. So an edge is looked at three times per strip instead of once
+//! line its derivatives to 1e-4. So an edge is evaluated three times per strip instead of once
 //! per pixel, and [`Photometric::light`] is left for upright corners.
 
 use super::across::{ACROSS, Across, Faded};
-use super::grid::Bend;
-use super::passing::{Bent, FAR, Standard, Stripe, correlation, standard};
+use super::grid::GridDeviation;
 use super::plan::{Near, Plan, Strip};
-use super::sums::{Counter, Torn};
-use super::turned::{Hit, Ray, Turned, dot};
+use super::pose_geometry::{Hit, PoseGeometry, Ray, dot};
+use super::sums::{Counter, EdgeLight};
+use super::visibility::{CornerShare, FAR, Standard, Stripe, correlation, standard};
 use super::{
-    BACKGROUND, BRIGHTNESS, DARK, Doubt, LINE, LOCAL, Photometric, State, THICKNESS, TONE,
+    BACKGROUND, BRIGHTNESS, DARK, LINE, LOCAL, Photometric, Sensitivity, State, THICKNESS, TONE,
 };
 use crate::normal::{Pair, Tables};
 
@@ -39,8 +39,8 @@ struct Shading {
 struct Edge<'a> {
     /// Distance in spreads: a + b u + c u².
     x: [f64; 3],
-    /// What blur on the pixel grid changes.
-    bend: Bend<'a>,
+    /// Deviation of the grid's edge response.
+    deviation: GridDeviation<'a>,
     /// Its derivatives by the parameters in the middle, and what they gain per row: those by pose and
     /// thickness, the brightness' is zero.
     dx: [[f64; THICKNESS + 1]; 2],
@@ -53,19 +53,19 @@ struct Border<'a> {
     second: Option<(Edge<'a>, &'static Pair, bool)>,
 }
 
-/// What passes, and its slopes by the distances of the edges that decide.
-struct Passed<'a> {
+/// Visible fraction, and its slopes by the distances of the edges that bound it.
+struct Visible<'a> {
     share: f64,
     by: [(f64, Option<&'a Edge<'a>>); 2],
     /// d share / d share of the blur that is formed on the pixel grid.
-    bent: f64,
+    by_grid: f64,
 }
 
-impl Passed<'_> {
-    const ALL: Passed<'static> = Passed {
+impl Visible<'_> {
+    const ALL: Visible<'static> = Visible {
         share: 1.0,
         by: [(0.0, None), (0.0, None)],
-        bent: 0.0,
+        by_grid: 0.0,
     };
 
     /// Adds what the edges move of so much light.
@@ -79,28 +79,28 @@ impl Passed<'_> {
     }
 }
 
-/// What passes several cuts of so much light, and what their edges move of it.
-fn passing_all(
+/// Visible fraction behind several cuts, and what their edges move of so much light.
+fn visibility_of_all(
     cuts: &[Cut<'_>],
     j: &mut [f64; LOCAL],
     full: f64,
     u: f64,
-    look: &Shading,
+    shading: &Shading,
 ) -> (f64, f64) {
-    let mut passed = [const { Passed::ALL }; CUTS_MOST];
+    let mut visible = [const { Visible::ALL }; CUTS_MOST];
     let mut share = 1.0;
-    for (cut, own) in cuts.iter().zip(&mut passed) {
-        *own = cut.passing(u, look);
+    for (cut, own) in cuts.iter().zip(&mut visible) {
+        *own = cut.visibility(u, shading);
         share *= own.share;
     }
-    let mut bent = 0.0;
+    let mut by_grid = 0.0;
     if share > 0.0 && share < 1.0 {
-        for own in passed.iter().take(cuts.len()) {
+        for own in visible.iter().take(cuts.len()) {
             own.add(j, full * share / own.share, u);
-            bent += own.bent * share / own.share;
+            by_grid += own.by_grid * share / own.share;
         }
     }
-    (share, bent)
+    (share, by_grid)
 }
 
 /// First and last place along a strip where its light counts, from the stripe at two places, between which the distance from the sheet is nearly a line.
@@ -119,7 +119,7 @@ pub(super) fn lit(u: [f64; 2], first: &Stripe, last: &Stripe) -> [f64; 2] {
 /// What cuts a strip.
 struct Cut<'a> {
     own: bool,
-    /// At the level's own height, and for a higher slab also at its top's.
+    /// At the level's own height, and for a higher slab also at its upper face's.
     borders: [Option<Border<'a>>; 2],
     /// A higher slab hides the strip wholly.
     hidden: bool,
@@ -136,7 +136,7 @@ struct Ready {
     lit: [f64; 2],
     /// In [`Scratch::cuts`].
     cuts: (usize, usize),
-    /// What the line has across it.
+    /// The line's transverse profile.
     faded: Faded,
 }
 
@@ -156,10 +156,10 @@ struct Node {
 /// Most cuts of a strip.
 pub(super) const CUTS_MOST: usize = 4;
 
-/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are asked for, and the
+/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are wanted, and the
 /// share of the blur that is formed on the pixel grid.
 type Compared<'a> = (
-    &'a Turned,
+    &'a PoseGeometry,
     &'a Plan,
     &'a [Strip],
     &'a [u8],
@@ -170,21 +170,21 @@ type Compared<'a> = (
 
 /// Three rows of a strip, their places about the middle, and the pose that sees them.
 struct Rows<'a> {
-    turned: &'a Turned,
+    geometry: &'a PoseGeometry,
     plan: &'a Plan,
     rays: [Ray; 3],
     u: [f64; 3],
 }
 
 impl Photometric {
-    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by what is the run's; `doubt_sd` says
-    /// for each row in turn by how much its pixel is doubted, from how much of its light is torn.
-    pub(super) fn compare_torn<'a, const RUN: bool>(
+    /// Adds strips that share their rows and that no upright corner cuts, RUN: with the derivatives by the run's parameters; `model_error_sd`
+    /// gives each row's pixel its model error, in turn, from its sensitivity.
+    pub(super) fn compare_edge_strips<'a, const RUN: bool>(
         &'a self,
-        (turned, plan, strips, pixels, state, derivatives, grid_share): Compared<'_>,
+        (geometry, plan, strips, pixels, state, derivatives, grid_share): Compared<'_>,
         counter: &mut Counter<'_>,
         scratch: &mut Scratch<'a>,
-        mut doubt_sd: impl FnMut(&Doubt) -> f64,
+        mut model_error_sd: impl FnMut(&Sensitivity) -> f64,
     ) {
         let Some(strip) = strips.first() else {
             return;
@@ -193,19 +193,19 @@ impl Photometric {
         let cut = strips.iter().any(Strip::cut);
         let rows = self.table.sound_rows(strip.column, first, end);
         let ready = |rows: &[usize; 2]| {
-            self.ready(turned, plan, strips, *rows, state, scratch)
+            self.ready(geometry, plan, strips, *rows, state, scratch)
                 .is_some()
         };
         let Some([from, to]) = rows.filter(ready) else {
             (first..end).filter(|_| cut).for_each(|_| {
-                doubt_sd(&Doubt::default());
+                model_error_sd(&Sensitivity::default());
             });
             return;
         };
         let tables = Tables::get();
-        let look = Shading { tables, grid_share };
+        let shading = Shading { tables, grid_share };
         let lever = self.table.lever_m;
-        let r3 = &turned.r[2];
+        let r3 = &geometry.r[2];
         let ahead = r3[0] * lever;
         let sigma = state.thickness_m;
         let of_sigma = 1.0 / sigma;
@@ -215,10 +215,10 @@ impl Photometric {
         for (row, [y, z]) in (first..end).zip(sights) {
             let u = row as f64 - middle;
             let down = ahead + r3[1] * y + r3[2] * z;
-            let mut doubt = Doubt::default();
+            let mut sensitivity = Sensitivity::default();
             let mut j = [0.0; LOCAL];
             let mut level = 0.0;
-            let mut bent = 0.0;
+            let mut by_grid = 0.0;
             for ready in &scratch.strips {
                 if u < ready.lit[0] || u > ready.lit[1] {
                     continue;
@@ -244,16 +244,17 @@ impl Photometric {
                 let share = match cuts {
                     [] => 1.0,
                     [only] => {
-                        let passed = only.passing(u, &look);
-                        bent += full * passed.bent;
-                        if derivatives && passed.share > 0.0 {
-                            passed.add(&mut j, full, u);
+                        let visible = only.visibility(u, &shading);
+                        by_grid += full * visible.by_grid;
+                        if derivatives && visible.share > 0.0 {
+                            visible.add(&mut j, full, u);
                         }
-                        passed.share
+                        visible.share
                     }
                     several => {
-                        let (share, by_grid) = passing_all(several, &mut j, full, u, &look);
-                        bent += full * by_grid;
+                        let (share, grid_slope) =
+                            visibility_of_all(several, &mut j, full, u, &shading);
+                        by_grid += full * grid_slope;
                         share
                     }
                 };
@@ -262,7 +263,7 @@ impl Photometric {
                 }
                 let light = full * share;
                 level += light;
-                doubt.edge += light * 4.0 * (1.0 - share);
+                sensitivity.edge += light * 4.0 * (1.0 - share);
                 if derivatives {
                     let of_line = state.brightness * round * share;
                     let by_s = of_line * line.slope - light * s * of_total2;
@@ -279,7 +280,11 @@ impl Photometric {
                     }
                 }
             }
-            let doubt_sd = if cut { doubt_sd(&doubt) } else { 0.0 };
+            let model_error_sd = if cut {
+                model_error_sd(&sensitivity)
+            } else {
+                0.0
+            };
             let Some(&grey) = pixels.get(row * self.table.width_px + strip.column) else {
                 continue;
             };
@@ -289,14 +294,14 @@ impl Photometric {
             }
             let background = counter.background(state.background, row);
             let judged = if cut {
-                let torn = Torn {
-                    light: doubt.edge,
-                    bent,
+                let edge_light = EdgeLight {
+                    light: sensitivity.edge,
+                    by_grid,
                 };
-                counter.edge::<RUN>(grey, level, background, Some(torn), doubt_sd)
+                counter.edge::<RUN>(grey, level, background, Some(edge_light), model_error_sd)
             } else {
                 let mut tally = counter.sums.tally;
-                let judged = counter.bulk::<RUN>(grey, level, background, &mut tally);
+                let judged = counter.interior::<RUN>(grey, level, background, &mut tally);
                 counter.sums.tally = tally;
                 judged
             };
@@ -323,7 +328,7 @@ impl Photometric {
     /// Makes strips ready; `None` where a ray of theirs does not meet its level.
     fn ready<'a>(
         &'a self,
-        turned: &Turned,
+        geometry: &PoseGeometry,
         plan: &Plan,
         strips: &[Strip],
         [from, to]: [usize; 2],
@@ -337,24 +342,24 @@ impl Photometric {
         let middle = 0.5 * (from + to) as f64;
         let count = (to - from).max(1) as f64;
         let rows = Rows {
-            turned,
+            geometry,
             plan,
             rays: nodes.map(|row| self.ray(column, row)),
             u: nodes.map(|row| row as f64 - middle),
         };
         let across = Across::new(&state.across, state.thickness_m);
         let eye = self.table.eye_m;
-        let fallen = turned.position[2] + dot(&turned.r[2], &[eye.x, eye.y, eye.z]);
+        let fallen = geometry.position[2] + dot(&geometry.r[2], &[eye.x, eye.y, eye.z]);
         for strip in strips {
             let own_m = self.height(strip.level);
             let nodes = self.nodes(&rows, own_m, state)?;
             let first_cut = scratch.cuts.len();
             for cut in plan.cuts(strip) {
                 let mut borders = [None, None];
-                borders[0] = self.border(&rows, cut.top, &cut.foot, &nodes, &nodes);
+                borders[0] = self.border(&rows, cut.face, &cut.foot, &nodes, &nodes);
                 if !cut.own && !plan.near(&cut.head).is_empty() {
-                    let above = self.nodes(&rows, self.surfaces.tops[cut.top].height_m, state)?;
-                    borders[1] = self.border(&rows, cut.top, &cut.head, &above, &nodes);
+                    let above = self.nodes(&rows, self.surfaces.faces[cut.face].height_m, state)?;
+                    borders[1] = self.border(&rows, cut.face, &cut.head, &above, &nodes);
                 }
                 scratch.cuts.push(Cut {
                     own: cut.own,
@@ -381,7 +386,7 @@ impl Photometric {
 
     fn nodes(&self, rows: &Rows<'_>, height_m: f64, state: &State) -> Option<[Node; 3]> {
         let node = |ray: &Ray| {
-            let hit = self.hit(rows.turned, ray, height_m)?;
+            let hit = self.hit(rows.geometry, ray, height_m)?;
             let stripe = self.stripe(&hit, state);
             Some(Node { hit, stripe })
         };
@@ -389,18 +394,18 @@ impl Photometric {
         Some([node(a)?, node(b)?, node(c)?])
     }
 
-    /// The edges of a top that are near, where the rays hit (`at`), under the stripe of a level (`of`).
+    /// The edges of an upper face that are near, where the rays hit (`at`), under the stripe of a level (`of`).
     fn border(
         &self,
         rows: &Rows<'_>,
-        top: usize,
+        face: usize,
         near: &Near,
         at: &[Node; 3],
         of: &[Node; 3],
     ) -> Option<Border<'_>> {
         let near = rows.plan.near(near);
         let standards = |k: usize| -> [Standard; 3] {
-            let edge = rows.turned.edge(top, k);
+            let edge = rows.geometry.edge(face, k);
             std::array::from_fn(|i| standard(&rows.rays[i], edge, &at[i].hit, &of[i].stripe))
         };
         let one = usize::from(*near.first()?);
@@ -408,7 +413,7 @@ impl Photometric {
         let second = near.get(1).map(|other| {
             let other = usize::from(*other);
             let second = standards(other);
-            let edges = &self.surfaces.tops[top].outline.edges;
+            let edges = &self.surfaces.faces[face].outline.edges;
             // The later of two neighbours begins at the corner.
             let later = if (one + 1) % edges.len() == other {
                 other
@@ -446,7 +451,7 @@ impl Photometric {
     fn edge_through(&self, u: [f64; 3], [a, b, c]: &[Standard; 3]) -> Edge<'_> {
         let rows = (u[2] - u[0]).max(1.0);
         Edge {
-            bend: self.grid.across(b.slope),
+            deviation: self.grid.across(b.slope),
             x: parabola(u, [a.x, b.x, c.x]),
             dx: {
                 let mut dx = [[0.0; THICKNESS + 1]; 2];
@@ -466,16 +471,16 @@ impl Photometric {
 impl Edge<'_> {
     /// Share inside this edge alone, at so many spreads from it.
     #[inline]
-    fn alone(&self, x: f64, look: &Shading) -> Passed<'_> {
-        let (share, slope) = look.tables.normal(x);
-        let (bent, bent_slope) = self.bend.at(x);
-        Passed {
-            share: share + look.grid_share * bent,
+    fn alone(&self, x: f64, shading: &Shading) -> Visible<'_> {
+        let (share, slope) = shading.tables.normal(x);
+        let (by_grid, by_grid_slope) = self.deviation.at(x);
+        Visible {
+            share: share + shading.grid_share * by_grid,
             by: [
-                (slope + look.grid_share * bent_slope, Some(self)),
+                (slope + shading.grid_share * by_grid_slope, Some(self)),
                 (0.0, None),
             ],
-            bent,
+            by_grid,
         }
     }
 
@@ -496,44 +501,44 @@ impl Edge<'_> {
 
 impl Border<'_> {
     /// Share inside.
-    fn inside(&self, u: f64, look: &Shading) -> Passed<'_> {
-        let Shading { tables, grid_share } = *look;
+    fn inside(&self, u: f64, shading: &Shading) -> Visible<'_> {
+        let Shading { tables, grid_share } = *shading;
         let h = self.first.distance(u);
         let Some((second, pair, convex)) = &self.second else {
-            return self.first.alone(h, look);
+            return self.first.alone(h, shading);
         };
         let k = second.distance(u);
-        // As in `corner`: the other decides.
+        // As in `corner`: the other one bounds the light.
         let idle = |x: f64| if *convex { x > FAR } else { x < -FAR };
         if idle(k) {
-            return self.first.alone(h, look);
+            return self.first.alone(h, shading);
         }
         if idle(h) {
-            return second.alone(k, look);
+            return second.alone(k, shading);
         }
         let found = if *convex {
             pair.below(h, k, tables)
         } else {
             pair.either(h, k, tables)
         };
-        let bends = [self.first.bend.at(h), second.bend.at(k)];
-        let found = Bent::of(found, [h, k], bends, *convex, grid_share, tables);
-        Passed {
+        let deviations = [self.first.deviation.at(h), second.deviation.at(k)];
+        let found = CornerShare::of(found, [h, k], deviations, *convex, grid_share, tables);
+        Visible {
             share: found.share,
             by: [
                 (found.by[0], Some(&self.first)),
                 (found.by[1], Some(second)),
             ],
-            bent: found.bent,
+            by_grid: found.by_grid,
         }
     }
 }
 
 impl Cut<'_> {
-    fn passing(&self, u: f64, look: &Shading) -> Passed<'_> {
-        let nothing = |share: f64| Passed {
+    fn visibility(&self, u: f64, shading: &Shading) -> Visible<'_> {
+        let nothing = |share: f64| Visible {
             share,
-            ..Passed::ALL
+            ..Visible::ALL
         };
         if self.hidden {
             return nothing(0.0);
@@ -541,13 +546,13 @@ impl Cut<'_> {
         if self.own {
             return self.borders[0]
                 .as_ref()
-                .map_or_else(|| nothing(1.0), |b| b.inside(u, look));
+                .map_or_else(|| nothing(1.0), |b| b.inside(u, shading));
         }
         let [foot, head] = self
             .borders
             .each_ref()
-            .map(|b| b.as_ref().map(|b| b.inside(u, look)));
-        // Of the slab's foot and its top the one that reaches farther decides.
+            .map(|b| b.as_ref().map(|b| b.inside(u, shading)));
+        // Of the slab's foot and its upper face the one that reaches farther counts.
         let covered = match (foot, head) {
             (Some(foot), Some(head)) => {
                 if head.share > foot.share {
@@ -559,10 +564,10 @@ impl Cut<'_> {
             (Some(one), None) | (None, Some(one)) => one,
             (None, None) => return nothing(1.0),
         };
-        Passed {
+        Visible {
             share: 1.0 - covered.share,
             by: covered.by.map(|(slope, edge)| (-slope, edge)),
-            bent: -covered.bent,
+            by_grid: -covered.by_grid,
         }
     }
 }

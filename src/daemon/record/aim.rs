@@ -1,6 +1,6 @@
 //! The state of focus, exposure and laser at a glance: what `aim` shows and `record` has in its status line.
 //!
-//! A core without I/O: frames and profiles in, one [`Glance`] per window out.
+//! A core without I/O: frames and profiles in, one [`AimView`] per window out.
 
 use hydroline_core::event::kind;
 use hydroline_core::frame::FrameFault;
@@ -15,7 +15,7 @@ const SATURATED: u32 = 1;
 
 /// One window's summary.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Glance {
+pub struct AimView {
     /// Frames per second over the window \[1/s\].
     pub rate_fps: f64,
     /// Frames per second that the rig asks for \[1/s\]; 0 = not known.
@@ -46,7 +46,7 @@ pub struct Glance {
     pub disk_min: Option<f64>,
 }
 
-/// Gathers frames until asked for a [`Glance`].
+/// Gathers frames until asked for a [`AimView`].
 #[derive(Debug, Default)]
 pub struct Gatherer {
     frames: u64,
@@ -135,7 +135,7 @@ impl Gatherer {
     }
 
     /// Summarises the window of `window_s` seconds that ends now and starts the next one.
-    pub fn glance(&mut self, window_s: f64, disk_min: Option<f64>) -> Glance {
+    pub fn view(&mut self, window_s: f64, disk_min: Option<f64>) -> AimView {
         let rate_fps = if window_s > 0.0 {
             self.frames as f64 / window_s
         } else {
@@ -153,7 +153,7 @@ impl Gatherer {
         let saturated = profile.map_or(0, |p| {
             p.quality.iter().filter(|q| **q & SATURATED != 0).count()
         });
-        Glance {
+        AimView {
             rate_fps,
             wanted_fps: self.wanted_fps,
             steady_fps,
@@ -191,7 +191,7 @@ fn median(values: &[f32]) -> Option<f64> {
     sorted.get(sorted.len() / 2).map(|v| f64::from(*v))
 }
 
-impl Glance {
+impl AimView {
     /// No frame for longer than a camera pauses.
     pub(super) fn stands_still(&self) -> bool {
         self.silent_s >= SILENT_S.max(3.0 / self.wanted_fps.max(0.1))
@@ -262,7 +262,7 @@ impl Glance {
     }
 }
 
-impl std::fmt::Display for Glance {
+impl std::fmt::Display for AimView {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let number = |v: Option<f64>, digits: usize| {
             v.map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}"))
@@ -329,7 +329,7 @@ mod tests {
             for _ in 0..frames {
                 gatherer.frame(&meta(fault));
             }
-            advice = gatherer.glance(0.5, None).advice();
+            advice = gatherer.view(0.5, None).advice();
         }
         advice
     }
@@ -370,24 +370,22 @@ mod tests {
         let mut gatherer = Gatherer::default();
         gatherer.frame(&meta(None));
         gatherer.profile(profile(700, 180.0, 0));
-        let glance = gatherer.glance(0.5, Some(42.0));
-        assert_eq!(glance.advice(), Vec::<String>::new());
-        assert!(
-            glance.to_string().contains("700/720") && glance.to_string().contains("disk 42 min")
-        );
+        let view = gatherer.view(0.5, Some(42.0));
+        assert_eq!(view.advice(), Vec::<String>::new());
+        assert!(view.to_string().contains("700/720") && view.to_string().contains("disk 42 min"));
     }
 
     #[test]
     fn each_trouble_is_named_with_its_cure() {
         let mut gatherer = Gatherer::default();
         gatherer.frame(&meta(None));
-        assert!(gatherer.glance(0.5, None).advice()[0].contains("no stripe"));
+        assert!(gatherer.view(0.5, None).advice()[0].contains("no stripe"));
         gatherer.frame(&meta(None));
         gatherer.profile(profile(700, 240.0, 350));
-        assert!(gatherer.glance(0.5, None).advice()[0].contains("50 % saturated"));
+        assert!(gatherer.view(0.5, None).advice()[0].contains("50 % saturated"));
         gatherer.frame(&meta(None));
         gatherer.profile(profile(100, 30.0, 0));
-        let advice = gatherer.glance(0.5, None).advice();
+        let advice = gatherer.view(0.5, None).advice();
         assert!(
             advice[0].contains("100 of 720") && advice[1].contains("weak"),
             "{advice:?}"

@@ -8,9 +8,9 @@ use nalgebra::{Matrix6, Vector3, Vector6};
 
 /// Coordinates in which the weak direction is straight: where the sheet's middle meets the floor,
 /// X and Y, its range ρ below the CG, and the angles. Turning θ alone then leaves the line in the
-/// image and the target under it, where in x, z and θ it follows a curve that a step along its
-/// tangent leaves.
-pub(super) struct Valley {
+/// image and the target under it, where in x, z and θ the weak direction is curved and a step along its
+/// tangent leaves it.
+pub(super) struct WeakDirection {
     contact_m: [f64; 2],
     range_m: f64,
     lever_m: f64,
@@ -18,7 +18,7 @@ pub(super) struct Valley {
     slopes: Matrix6<f64>,
 }
 
-impl Valley {
+impl WeakDirection {
     pub fn new(pose: &Pose, mounts: &Mounts) -> Self {
         let lever_m = mounts.l_laser_m;
         let r = pose.body_to_tank_rotation();
@@ -34,14 +34,14 @@ impl Valley {
         put(2, -r.column(2).into_owned());
         let h = 1e-6;
         for k in 3..6 {
-            let turned = |by: f64| {
+            let arm_at = |by: f64| {
                 let mut p = pose.to_array();
                 p[k] += by;
                 Self::arm(&Pose::from_array(p), lever_m, range_m)
             };
-            put(k, (turned(-h) - turned(h)) / (2.0 * h));
+            put(k, (arm_at(-h) - arm_at(h)) / (2.0 * h));
         }
-        Valley {
+        WeakDirection {
             contact_m: [pose.x_m + arm.x, pose.y_m + arm.y],
             range_m,
             lever_m,
@@ -54,26 +54,26 @@ impl Valley {
     }
 
     /// Information and gradient in these coordinates.
-    pub fn turn(&self, sums: &Sums) -> (Square, Column) {
-        let turned = self.slopes.transpose();
+    pub fn transformed(&self, sums: &Sums) -> (Square, Column) {
+        let transposed = self.slopes.transpose();
         let (mut information, mut gradient) = (sums.information, sums.gradient);
         let pose = sums.information.fixed_view::<6, 6>(0, 0);
-        let with_light = turned * sums.information.fixed_view::<6, { PARAMETERS - 6 }>(0, 6);
+        let with_light = transposed * sums.information.fixed_view::<6, { PARAMETERS - 6 }>(0, 6);
         information
             .fixed_view_mut::<6, 6>(0, 0)
-            .copy_from(&(turned * pose * self.slopes));
+            .copy_from(&(transposed * pose * self.slopes));
         information
             .fixed_view_mut::<6, { PARAMETERS - 6 }>(0, 6)
             .copy_from(&with_light);
         information
             .fixed_view_mut::<{ PARAMETERS - 6 }, 6>(6, 0)
             .copy_from(&with_light.transpose());
-        let of_pose = turned * sums.gradient.fixed_rows::<6>(0);
+        let of_pose = transposed * sums.gradient.fixed_rows::<6>(0);
         gradient.fixed_rows_mut::<6>(0).copy_from(&of_pose);
         (information, gradient)
     }
 
-    /// The state a step on, exactly along the valley.
+    /// The state a step on, exact along the weak direction.
     pub fn moved(&self, state: &State, step: &Column) -> State {
         let mut next = state.moved(step);
         let range_m = self.range_m + step[2];
@@ -94,8 +94,8 @@ pub fn squared_distance(
     truth: &Pose,
     mounts: &Mounts,
 ) -> Option<f64> {
-    let here = Valley::new(estimate, mounts);
-    let there = Valley::new(truth, mounts);
+    let here = WeakDirection::new(estimate, mounts);
+    let there = WeakDirection::new(truth, mounts);
     let (a, b) = (estimate.to_array(), truth.to_array());
     let difference = Vector6::new(
         there.contact_m[0] - here.contact_m[0],

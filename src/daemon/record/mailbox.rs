@@ -13,12 +13,12 @@ struct State<T> {
 
 /// A one-place mailbox; a new item replaces one that was not fetched, and the loss is counted.
 #[derive(Debug)]
-pub struct Newest<T> {
+pub struct Mailbox<T> {
     state: Mutex<State<T>>,
     ready: Condvar,
 }
 
-/// What [`Newest::take`] found.
+/// What [`Mailbox::take`] found.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Taken<T> {
     /// The newest item.
@@ -29,7 +29,7 @@ pub enum Taken<T> {
     Closed,
 }
 
-impl<T> Default for Newest<T> {
+impl<T> Default for Mailbox<T> {
     fn default() -> Self {
         Self {
             state: Mutex::new(State {
@@ -42,7 +42,7 @@ impl<T> Default for Newest<T> {
     }
 }
 
-impl<T> Newest<T> {
+impl<T> Mailbox<T> {
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn the_newest_wins_and_the_rest_is_counted() {
-        let mailbox = Newest::default();
+        let mailbox = Mailbox::default();
         for i in 0..5 {
             mailbox.put(i);
         }
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn what_is_left_at_closing_is_still_handed_out() {
-        let mailbox = Newest::default();
+        let mailbox = Mailbox::default();
         mailbox.put(1);
         mailbox.close();
         assert_eq!(mailbox.take(Duration::from_secs(10)), Taken::Item(1));
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn every_item_is_either_taken_or_counted() {
-        let mailbox = std::sync::Arc::new(Newest::default());
+        let mailbox = std::sync::Arc::new(Mailbox::default());
         let taker = {
             let mailbox = mailbox.clone();
             std::thread::spawn(move || {

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 /// A file that is being written. Dropped before [`Self::finish`] it is removed; a killed process leaves `NAME.part`.
 #[derive(Debug)]
-pub struct Unfinished {
+pub struct AtomicFile {
     part: PathBuf,
     whole: PathBuf,
     done: bool,
 }
 
-impl Unfinished {
+impl AtomicFile {
     /// For the new file `whole`; nothing is created yet.
     ///
     /// # Errors
@@ -59,7 +59,7 @@ impl Unfinished {
     }
 }
 
-impl Drop for Unfinished {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         if !self.done {
             // Made since begin(), which found nothing of that name.
@@ -76,17 +76,17 @@ mod tests {
     fn the_name_is_taken_only_by_a_whole_file() {
         let dir = tempfile::tempdir().unwrap();
         let whole = dir.path().join("new.mcap");
-        let unfinished = Unfinished::begin(&whole).unwrap();
+        let unfinished = AtomicFile::begin(&whole).unwrap();
         std::fs::write(unfinished.path(), "half").unwrap();
         drop(unfinished);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 
-        let unfinished = Unfinished::begin(&whole).unwrap();
+        let unfinished = AtomicFile::begin(&whole).unwrap();
         std::fs::write(unfinished.path(), "all").unwrap();
         unfinished.finish().unwrap();
         assert_eq!(std::fs::read(&whole).unwrap(), b"all");
         assert!(matches!(
-            Unfinished::begin(&whole),
+            AtomicFile::begin(&whole),
             Err(LogError::OutputExists { .. })
         ));
     }
@@ -95,7 +95,7 @@ mod tests {
     fn what_a_killed_process_left_is_not_overwritten() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("new.mcap.part"), "half").unwrap();
-        let error = Unfinished::begin(&dir.path().join("new.mcap")).unwrap_err();
+        let error = AtomicFile::begin(&dir.path().join("new.mcap")).unwrap_err();
         assert!(error.to_string().contains("new.mcap.part"), "{error}");
     }
 }
