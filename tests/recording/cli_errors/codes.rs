@@ -357,6 +357,7 @@ const VALUES: &[(&str, &[&str])] = &[
     ("reproduce table6", &["table7"]),
     ("reproduce table4 --svg OUTf.svg", &["figure12", "--csv"]),
     ("reproduce table4 --csv OUTno/t.csv", &["create it first"]),
+    ("campaign OUTno --out OUTc", &["no such folder"]),
     ("prove --cases 0", &["--cases", "1"]),
     ("prove --only single", &["single"]),
     ("prove --cases 1 --keep LOG", &["--keep", "not a folder"]),
@@ -446,6 +447,7 @@ fn no_command_is_missing_in_the_tables() {
     let without = [
         "demo",
         "devices",
+        "campaign",
         "prove",
         "completions",
         "man",
