@@ -12,15 +12,15 @@ mod rig;
 
 use hydroline_core::build_info::BuildInfo;
 
-/// File name and text of each chapter.
+/// Name (of the file, without its ending) and text of each chapter.
 pub fn chapters() -> Vec<(&'static str, String)> {
     let command = whole_command();
     vec![
-        ("command-line.md", command_line::chapter(&command)),
-        ("rig.md", rig::chapter()),
-        ("effects.md", effects::chapter()),
-        ("events.md", events::chapter()),
-        ("json.md", json::chapter()),
+        ("command-line", command_line::chapter(&command)),
+        ("rig", rig::chapter()),
+        ("effects", effects::chapter()),
+        ("events", events::chapter()),
+        ("json", json::chapter()),
     ]
 }
 

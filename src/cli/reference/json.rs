@@ -2,7 +2,7 @@
 
 mod fields;
 
-use super::markdown::{code, head, plain, table};
+use super::markdown::{code, head, link, plain, table};
 use crate::{
     calibrate, check, design, devices, extract, flat, import, log_tools, plan, predict, prove,
     record, replay, reproduce, simulate,
@@ -95,7 +95,7 @@ fn listed() -> Vec<Printed> {
 const ELSEWHERE: [(&str, &str); 2] = [
     (
         "rig show",
-        "The rig with all defaults, by the tables and keys of [Rig and plan files](rig.md).",
+        "The rig with all defaults, by the tables and keys of RIG.",
     ),
     (
         "campaign",
@@ -107,12 +107,16 @@ pub(super) fn chapter() -> String {
     let mut text = head(
         "JSON",
         "the types that --json prints",
-        "What `--json` prints on stdout: one JSON object on one line where nothing else is said. `a.b` is the field `b` of the \
+        &format!(
+            "What `--json` prints on stdout: one JSON object on one line where nothing else is said. `a.b` is the field `b` of the \
          object `a`, `a[]` an element of the list `a`, and NAME stands for any name. A field that is *not always there* is \
          omitted where it says nothing. A number that is none (not a number, infinite) is `null`. Fields are never renamed; new ones \
-         may come. Programs look at the [exit code](command-line.md#exit-codes) first.",
+         may come. Programs look at the {} first.",
+            link("exit code", "command-line", "#exit-codes")
+        ),
     );
     for (command, words) in ELSEWHERE {
+        let words = words.replace("RIG", &link("Rig and plan files", "rig", ""));
         let _ = write!(text, "\n## hydroline {command}\n\n{words}\n");
     }
     let mut last = "";

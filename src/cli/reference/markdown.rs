@@ -27,6 +27,11 @@ fn cell_of(text: &str) -> String {
     words.join(" ").replace('|', "\\|")
 }
 
+/// A link to another chapter, `at` = `#` and a heading in it.
+pub(super) fn link(words: &str, chapter: &str, at: &str) -> String {
+    format!("[{words}]({chapter}.md{at})")
+}
+
 /// Code within text.
 pub(super) fn code(text: &str) -> String {
     format!("`{text}`")
