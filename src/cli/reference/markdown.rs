@@ -52,7 +52,7 @@ pub(super) fn plain(text: &str) -> String {
             .replace('*', "\\*")
     };
     let parts: Vec<&str> = text.split('`').collect();
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return escaped(text); // a backtick by itself begins no code
     }
     let parts = parts.into_iter().enumerate();
