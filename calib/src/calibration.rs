@@ -80,7 +80,7 @@ impl Medium {
 }
 
 /// How well a map fits the nodes it was made from.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Residuals {
     /// Nodes used.

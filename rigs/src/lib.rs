@@ -31,6 +31,7 @@ pub mod laser;
 pub mod physics;
 pub mod pixel_format;
 pub mod plan;
+pub mod reference;
 pub mod settings;
 pub mod target;
 pub mod thruster;

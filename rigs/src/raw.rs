@@ -6,6 +6,7 @@
 //! key by key reports all mistakes of a file at once, each with its line, and keeps
 //! a key's unit, range and default in the one place that reads it.
 
+mod asked;
 mod camera;
 mod document;
 mod include;
@@ -22,6 +23,7 @@ mod target;
 mod thruster;
 mod vehicle;
 
+pub(crate) use asked::{Asked, Need};
 use document::Document;
 pub(crate) use document::{Problems, read_document, read_text};
 pub(crate) use include::Includes;

@@ -25,6 +25,7 @@ use hydroline_identify::parameter::Coefficient;
     Hash,
     clap::ValueEnum,
     serde::Serialize,
+    schemars::JsonSchema,
     serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
@@ -144,7 +145,7 @@ pub struct Sealed {
 }
 
 /// An effect that is there.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Truth {
     /// Id; for a law near the library's its mechanism, for an unnamed one `unnamed`.
     pub effect: String,

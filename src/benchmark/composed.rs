@@ -7,7 +7,7 @@ use rand::{RngExt, rngs::StdRng};
 use super::external_law::Here;
 
 /// A shape of s; s = x, or |u| with the sign of u against the motion.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// (s / w)^n.
@@ -64,7 +64,7 @@ pub enum Shape {
 }
 
 /// A force drawn by composition.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Composed {
     /// Along the speed; else along x.
     pub of_speed: bool,

@@ -22,7 +22,7 @@ use super::score::Rate;
 const Z95: f64 = 1.959_964;
 
 /// A case after its diagnosis.
-#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct CoupledJudged {
     /// Number.
     pub index: usize,

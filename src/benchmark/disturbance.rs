@@ -4,7 +4,7 @@ use rand::{RngExt, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
 /// Noise of one case.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Disturbance {
     /// White part \[m\].
     pub white_m: f64,

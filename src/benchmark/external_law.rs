@@ -25,7 +25,7 @@ pub struct Here {
 }
 
 /// A law outside of the library.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ExternalLaw {
     /// X - w tanh(X / w): a deadband without corners.

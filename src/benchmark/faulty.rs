@@ -10,7 +10,9 @@ use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
 
 /// A fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Fault {
     /// x in millimetres.

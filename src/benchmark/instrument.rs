@@ -14,7 +14,7 @@ use super::error::ProveError;
 use super::experiment::{Recorded, at_ns, source};
 
 /// One of them.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Flaw {
     /// Stamps scatter about when the samples were taken.

@@ -25,7 +25,7 @@ use hydroline_diagnose::verdict::{Law, Verdict, Word};
 const Z95: f64 = 1.959_964;
 
 /// An effect that was found.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Found {
     /// Id.
     pub effect: String,
@@ -40,7 +40,7 @@ pub struct Found {
 }
 
 /// A number with the truth.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Interval {
     /// `effect.parameter`, or a coefficient.
     pub name: String,
@@ -53,7 +53,7 @@ pub struct Interval {
 }
 
 /// Protocol of the paper.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct PaperOutcome {
     /// `ambiguous`, the truth in a set, and so is whatever of the five the data cannot tell from it
     /// (by the ideal observer); where that is nothing, the truth may be named.
@@ -69,7 +69,7 @@ pub struct PaperOutcome {
 }
 
 /// A case with its score.
-#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Judged {
     /// Id.
     pub id: String,

@@ -16,7 +16,7 @@ pub const MODULATED: [&str; 6] = [
 ];
 
 /// What a number goes with.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum With {
     /// x \[m\].
@@ -30,7 +30,7 @@ pub enum With {
 }
 
 /// Over a covariate that goes from 0 to 1 within the runs; what it gives lies between -1 and 1.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
     /// 2 s - 1.
@@ -72,7 +72,7 @@ impl Shape {
 }
 
 /// Such a law.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Modulated {
     /// Place among [`MODULATED`].
     pub mechanism: usize,

@@ -7,7 +7,7 @@ use super::judge::{Counted, Judged, SCORED_M, Tally, weight_right};
 use hydroline_diagnose::verdict::Word;
 
 /// Hits out of a number, with Wilson's 95 % interval (JASA 22, 1927).
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Rate {
     /// Hits.
     pub hits: usize,
@@ -45,7 +45,7 @@ impl Rate {
 }
 
 /// One line of the table.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Line {
     /// What is counted.
     pub what: &'static str,
@@ -58,7 +58,7 @@ pub struct Line {
 }
 
 /// Error of one number over all cases that hold it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Error {
     /// `effect.parameter`, or a coefficient.
     pub name: String,
@@ -69,7 +69,7 @@ pub struct Error {
 }
 
 /// Everything.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Score {
     /// Cases per category.
     pub cases: BTreeMap<&'static str, usize>,

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 /// Frames that never came, by how that was noticed. All numbers are whole frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema, Deserialize,
+)]
 pub struct Losses {
     /// Gap in the driver's sequence numbers: the host had no buffer free, or the driver dropped.
     pub sequence_gap: u64,
@@ -29,7 +31,9 @@ impl Losses {
 /// The first four are part of `received`. The others have no place in time of their own and are
 /// neither received nor lost; void buffers hold nothing to keep, the other two are kept in the log, which
 /// therefore holds `received + leftover + repeated` frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema, Deserialize,
+)]
 pub struct Excluded {
     /// V4L2_BUF_FLAG_ERROR.
     pub driver_error: u64,
@@ -49,7 +53,7 @@ pub struct Excluded {
 
 /// About one second of the account: from one frame (not counted) to the first frame at least 1 s later
 /// (counted) that is on time; a silence or a stretch of late frames makes it longer.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct SecondCounts {
     /// Stamp of the frame it starts after, from the first frame of the recording \[s\].
     pub from_s: f64,
@@ -64,7 +68,7 @@ pub struct SecondCounts {
 }
 
 /// The whole account. `received + lost.total() = expected` when `disagreement` is 0.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct CaptureCounts {
     /// Frames received, marked ones included.
     pub received: u64,

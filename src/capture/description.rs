@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 /// A source as it is set up now, everything read back from the device.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct SourceDescription {
     /// "v4l2", "sim", "log", "fake".
     pub kind: String,
@@ -34,7 +34,7 @@ pub struct SourceDescription {
 }
 
 /// The format as the device returned it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct NegotiatedFormat {
     /// Four characters, e.g. `GREY`.
     pub fourcc: String,
@@ -54,7 +54,7 @@ pub struct NegotiatedFormat {
 }
 
 /// One control as read back.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct ControlReading {
     /// Name as in the rig.
     pub name: String,

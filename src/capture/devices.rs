@@ -11,7 +11,7 @@ use super::v4l::setup::{CAP_CAPTURE, CAP_CAPTURE_MPLANE, CAP_OUTPUT, CAP_STREAMI
 use super::v4l::system::KernelSystem;
 
 /// A camera node.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct CameraListing {
     /// `/dev/videoN`.
     pub node: PathBuf,
@@ -39,7 +39,7 @@ pub struct CameraListing {
 }
 
 /// A control of a camera.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct ControlListing {
     /// Name for the rig.
     pub name: String,

@@ -2,7 +2,7 @@
 
 use super::live::{self, LiveArgs};
 use super::output::Output;
-use super::print::{errln, in_place, is_read, is_terminal, outln};
+use super::print::{self, errln, in_place, is_read, is_terminal, outln};
 use super::{CliError, Outcome, inputs, rigging};
 use hydroline_calib::Pose;
 use hydroline_calib::analytic::IdealMap;
@@ -140,7 +140,7 @@ fn watch(
                 screen,
                 &mut gatherer,
                 (now_ns - window_ns) as f64 / 1e9,
-            ) {
+            )? {
                 return Ok(newest);
             }
             window_ns = now_ns;
@@ -164,14 +164,14 @@ fn show(
     screen: &mut Screen,
     gatherer: &mut Gatherer,
     window_s: f64,
-) -> bool {
+) -> Result<bool, CliError> {
     let bytes_per_min = bytes_per_s(&rig.camera) * 60.0;
     let disk_min = free_bytes(&args.disk)
         .map(|free| free.saturating_sub(rig.log.min_free_bytes) as f64 / bytes_per_min);
     let view = gatherer.view(window_s, disk_min);
     screen.view(&view);
     if args.json {
-        outln!("{}", serde_json::json!(view));
+        print::json(&view)?;
     } else if is_terminal() {
         in_place(format_args!("{}", view.line()));
     } else {
@@ -179,7 +179,7 @@ fn show(
         let between = if advice.is_empty() { "" } else { " | " };
         in_place(format_args!("{view}{between}{advice}"));
     }
-    is_read()
+    Ok(is_read())
 }
 
 /// What is analysed, and shown on the live page: pictures as fast as they are looked at, words with each window.

@@ -1,12 +1,13 @@
 //! `hydroline calibrate`: images of a board become the map from image to laser plane.
 
 mod collect;
+pub(super) mod json;
 mod picture;
 mod report;
 
 use super::images::{self, GreyArgs};
 use super::output::Output;
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out};
 use super::remembered::Memory;
 use super::{CliError, Outcome, inputs};
 use collect::{Collected, Source};
@@ -283,7 +284,7 @@ fn finish(
             .image(path, picture::annotate(setup, image, &calibration))?;
     }
     if args.json {
-        outln!("{}", report.json());
+        print::json(&json::Printed::of(&report))?;
     } else {
         out!("{report}");
     }

@@ -1,6 +1,6 @@
 //! `hydroline check`: is everything a rig needs there and usable? What is not is said with its cure.
 
-use super::print::outln;
+use super::print::{self, outln};
 use super::{CliError, Outcome, inputs, rigging};
 use hydroline_capture::Captured;
 use hydroline_core::clock::{Clock, SystemClock};
@@ -10,6 +10,7 @@ use hydroline_thruster::ports::Roots;
 use hydroline_thruster::probe::{Answered, probe};
 use hydroline_thruster::service::check_set;
 use hydroline_thruster::transport::SerialTransport;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -43,12 +44,25 @@ pub struct Args {
 }
 
 /// One thing that was looked at.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 struct Finding {
+    /// What was looked at.
     what: &'static str,
+    /// Whether it is fit for a recording.
     ok: bool,
     /// What was found; when not ok, with what to do.
     words: String,
+}
+
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Checked<'a> {
+    /// Name of the rig.
+    rig: &'a str,
+    /// Whether everything is fit for a recording.
+    ready: bool,
+    /// All that was looked at.
+    checks: &'a [Finding],
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -57,10 +71,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let findings = [camera(&rig), line(&rig), clock(), disk(&rig, args)];
     let ready = findings.iter().all(|f| f.ok);
     if args.json {
-        outln!(
-            "{}",
-            serde_json::json!({ "rig": rig.name, "ready": ready, "checks": findings })
-        );
+        print::json(&Checked {
+            rig: &rig.name,
+            ready,
+            checks: &findings,
+        })?;
     } else {
         for finding in &findings {
             outln!(

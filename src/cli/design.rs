@@ -2,14 +2,16 @@
 
 use super::output::Output;
 use super::plan::loads;
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::progress::Stages;
 use super::remembered::SeenArgs;
 use super::{CliError, inputs};
 use clap::ValueEnum;
-use hydroline_design::{Designed, Options, Purpose, Set, design};
+use hydroline_design::{Designed, Options, Purpose, Separation, Set, design};
 use hydroline_rigs::Dof;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -128,7 +130,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
         }
     }
     if args.json {
-        outln!("{}", as_json(&set));
+        print::json(&Found::of(&set))?;
     } else {
         print(&set, &args.rig, args.out.as_deref());
     }
@@ -214,34 +216,82 @@ fn print(set: &Set, rig: &str, out: Option<&Path>) {
     }
 }
 
-fn as_json(set: &Set) -> serde_json::Value {
-    let plans = set.plans.iter().map(|p| {
-        let sd = |of: &[f64]| -> serde_json::Map<String, serde_json::Value> {
-            let each = set.own.iter().zip(of);
-            each.map(|(name, sd)| ((*name).to_owned(), json!(sd)))
-                .collect()
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Found<'a> {
+    /// How far each DOF reaches by itself, SNAME order \[N, N m\].
+    reach: [f64; 6],
+    /// Plans in the order in which they say most.
+    plans: Vec<FoundPlan<'a>>,
+    /// Effects that are asked, one by one in each DOF that they act in.
+    effects_asked: usize,
+    /// Effects that all runs together do not tell from nothing.
+    unseen: &'a [String],
+    /// Every two effects, by all runs together.
+    separations: Vec<FoundSeparation<'a>>,
+}
+
+/// A plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct FoundPlan<'a> {
+    /// Name of the plan.
+    plan: &'a str,
+    /// Its length \[s\].
+    duration_s: f64,
+    /// Largest load per DOF, SNAME order \[N, N m\].
+    largest: [f64; 6],
+    /// What it is expected to say beside those before it \[nats\].
+    gain_nats: f64,
+    /// Standard deviation of each coefficient by this run alone, as a share of its size.
+    relative_sd_alone: BTreeMap<&'a str, f64>,
+    /// The same by this run and all before it.
+    relative_sd: BTreeMap<&'a str, f64>,
+    /// Effects of which it tells a typical size from nothing, the coefficients unknown.
+    shows: &'a [String],
+    /// The plan file.
+    plan_toml: &'a str,
+}
+
+/// Two effects.
+#[derive(Debug, Serialize, JsonSchema)]
+struct FoundSeparation<'a> {
+    /// The effect that is there, of typical size.
+    of: &'a str,
+    /// The other, of any size, that is taken for it.
+    from: &'a str,
+    /// Log Bayes factor to expect, to first order; the smaller of both directions \[nats\].
+    nats: f64,
+    /// Whether that discriminates them.
+    discriminated: bool,
+}
+
+impl<'a> Found<'a> {
+    fn of(set: &'a Set) -> Self {
+        let sd = |of: &[f64]| set.own.iter().copied().zip(of.iter().copied()).collect();
+        let plan = |p: &'a Designed| FoundPlan {
+            plan: &p.plan.name,
+            duration_s: p.plan.duration_s(),
+            largest: p.largest,
+            gain_nats: p.gain_nats,
+            relative_sd_alone: sd(&p.sd_alone),
+            relative_sd: sd(&p.sd),
+            shows: &p.shows,
+            plan_toml: &p.plan.source_toml,
         };
-        json!({
-            "plan": p.plan.name,
-            "duration_s": p.plan.duration_s(),
-            "largest": p.largest,
-            "gain_nats": p.gain_nats,
-            "relative_sd_alone": sd(&p.sd_alone),
-            "relative_sd": sd(&p.sd),
-            "shows": p.shows,
-            "plan_toml": p.plan.source_toml,
-        })
-    });
-    let separations = set.separations.iter();
-    json!({
-        "reach": set.reach,
-        "plans": plans.collect::<Vec<_>>(),
-        "effects_asked": set.asked,
-        "unseen": set.unseen,
-        "separations": separations
-            .map(|s| json!({ "of": s.of, "from": s.from, "nats": s.nats, "discriminated": s.discriminated() }))
-            .collect::<Vec<_>>(),
-    })
+        let separation = |s: &'a Separation| FoundSeparation {
+            of: &s.of,
+            from: &s.from,
+            nats: s.nats,
+            discriminated: s.discriminated(),
+        };
+        Found {
+            reach: set.reach,
+            plans: set.plans.iter().map(plan).collect(),
+            effects_asked: set.asked,
+            unseen: &set.unseen,
+            separations: set.separations.iter().map(separation).collect(),
+        }
+    }
 }
 
 #[cfg(test)]

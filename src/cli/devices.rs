@@ -1,9 +1,11 @@
 //! `hydroline devices`: cameras and serial ports by stable id, and what stands in the way.
 
-use super::print::outln;
+use super::print::{self, outln};
 use super::{CliError, Outcome};
 use hydroline_capture::devices::{CameraListing, cameras, formats};
 use hydroline_thruster::ports::{Port, Roots};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::Path;
 
 #[derive(Debug, clap::Args)]
@@ -25,14 +27,23 @@ pub struct Args {
     long: bool,
 }
 
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Listed<'a> {
+    /// Cameras, and nodes that look like one.
+    cameras: &'a [CameraListing],
+    /// Serial ports.
+    serial: &'a [Port],
+}
+
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let cameras = cameras();
     let ports = Roots::default().ports();
     if args.json {
-        outln!(
-            "{}",
-            serde_json::json!({ "cameras": cameras, "serial": ports })
-        );
+        print::json(&Listed {
+            cameras: &cameras,
+            serial: &ports,
+        })?;
         return Ok(Outcome::Done);
     }
     if !cameras.iter().any(|camera| camera.no_camera.is_empty()) {

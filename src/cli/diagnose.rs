@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::output::Output;
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, inputs};
 use hydroline_diagnose::profiles::{Findings, level};
@@ -142,7 +142,6 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     };
     drop(stages);
-    let json = serde_json::to_string_pretty(&found.verdict)?;
     if let Some(dir) = &args.report {
         let page = write_report(args.output, dir, &found, images.as_ref(), &command())?;
         errln!("{}", page.display());
@@ -160,7 +159,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     if args.json {
-        outln!("{json}");
+        print::pretty_json(&found.verdict)?;
     } else {
         print(&found.verdict);
     }

@@ -8,6 +8,8 @@ use hydroline_core::frame::GreyRule;
 use hydroline_stripe::{
     Extractor, ExtractorConfig, Orientation, Profile, StripePoint, annotate, write_csv,
 };
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -108,7 +110,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     if args.json {
-        outln!("{}", serde_json::json!({ "images": objects }));
+        print::json(&Printed { images: objects })?;
     }
     let given = images.len();
     match failed {
@@ -135,23 +137,59 @@ fn csv(several: bool, path: &Path, profile: &Profile) -> std::io::Result<()> {
 }
 
 /// One image's figures, and its points as columns of numbers.
-fn object(path: &Path, profile: &Profile) -> serde_json::Value {
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed {
+    /// The images that could be read, in the order given.
+    images: Vec<Stripe>,
+}
+
+/// The stripe of an image; its lists have one entry per point.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Stripe {
+    /// File.
+    image: PathBuf,
+    /// Width of the image \[px\].
+    width_px: usize,
+    /// Height of the image \[px\].
+    height_px: usize,
+    /// Noise of the image, standard deviation \[grey levels\].
+    noise_sd: f64,
+    /// Level of the scattering halo about the line \[grey levels\].
+    haze_level: f64,
+    /// Why the stripe is not to be trusted, in words; `None` = nothing is known against it.
+    fault: Option<String>,
+    /// Columns of the points \[px\].
+    column_px: Vec<f64>,
+    /// Rows of the points \[px\].
+    row_px: Vec<f64>,
+    /// Peaks over the background \[grey levels\].
+    peak: Vec<f64>,
+    /// Standard deviations of the place across the line \[px\].
+    sd_px: Vec<f64>,
+    /// Widths of the line: standard deviation of its cross-section \[px\].
+    sigma_px: Vec<f64>,
+    /// Flags of the points, as `StripeProfile.quality` in the log has them.
+    quality: Vec<u32>,
+}
+
+fn object(path: &Path, profile: &Profile) -> Stripe {
     let column =
         |value: fn(&StripePoint) -> f64| -> Vec<f64> { profile.points.iter().map(value).collect() };
-    serde_json::json!({
-        "image": path,
-        "width_px": profile.size_px.0,
-        "height_px": profile.size_px.1,
-        "noise_sd": profile.noise_sd,
-        "haze_level": profile.haze_level,
-        "fault": profile.fault.as_ref().map(ToString::to_string),
-        "column_px": column(|p| p.column_px),
-        "row_px": column(|p| p.row_px),
-        "peak": column(|p| p.peak),
-        "sd_px": column(|p| p.sd_px),
-        "sigma_px": column(|p| p.sigma_px),
-        "quality": profile.points.iter().map(|p| p.quality).collect::<Vec<_>>(),
-    })
+    Stripe {
+        image: path.to_owned(),
+        width_px: profile.size_px.0,
+        height_px: profile.size_px.1,
+        noise_sd: profile.noise_sd,
+        haze_level: profile.haze_level,
+        fault: profile.fault.as_ref().map(ToString::to_string),
+        column_px: column(|p| p.column_px),
+        row_px: column(|p| p.row_px),
+        peak: column(|p| p.peak),
+        sd_px: column(|p| p.sd_px),
+        sigma_px: column(|p| p.sigma_px),
+        quality: profile.points.iter().map(|p| p.quality).collect(),
+    }
 }
 
 fn summary(path: &Path, profile: &Profile, orientation: LineOrientation) {

@@ -2,13 +2,15 @@
 
 use super::images::{self, GreyArgs};
 use super::output::Output;
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::flat::{self, Exposure, Flat};
 use hydroline_capture::ImageFolder;
 use hydroline_core::frame::{GreyImage, GreyRule};
 use hydroline_log::{LogReader, Record};
 use hydroline_rigs::{Rig, StatedResponse};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Exposure times that differ by less than this share are one.
@@ -115,7 +117,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let stated = found.stated(source(&exposures));
     print_found(&exposures, &found);
     if args.json {
-        outln!("{}", json(&exposures, &found, &stated));
+        print::json(&printed(&exposures, &found, &stated))?;
     } else {
         out!("{}", stated.to_toml());
     }
@@ -286,33 +288,90 @@ fn print_found(exposures: &[Exposure], found: &Flat) {
     }
 }
 
-fn json(exposures: &[Exposure], found: &Flat, stated: &StatedResponse) -> serde_json::Value {
-    let series: Vec<serde_json::Value> = exposures
-        .iter()
-        .map(|e| {
-            // Null where it was left out.
-            let off = found.off_times.iter().find(|(name, _)| *name == e.name);
-            let off = off.map(|(_, share)| share);
-            serde_json::json!({
-                "name": e.name, "exposure_us": e.time_s * 1e6, "frames": e.frames(), "light_off_share": off,
-            })
-        })
-        .collect();
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed<'a> {
+    /// γ of g = b + 255 (L/255)^γ, and its standard deviation.
+    gamma: [f64; 2],
+    /// Black level b, and its standard deviation \[grey levels\].
+    black_levels: [f64; 2],
+    /// Correlation of γ and b.
+    gamma_black_correlation: f64,
+    /// Level from which on light is clipped; `None` = none is \[grey levels\].
+    ceiling_levels: Option<u8>,
+    /// Levels between which the curve was looked at \[grey levels\].
+    levels: [f64; 2],
+    /// Smooth deviation of the levels from the curve.
+    deviation: Deviation,
+    /// Scatter of the exposures about their times, as a share of the light.
+    scatter_share: f64,
+    /// χ² per degree of freedom of the places about the curve.
+    chi2_per_freedom: f64,
+    /// Places (blocks of pixels) used, and those discarded since they changed between exposures.
+    places: [usize; 2],
+    /// The exposures in the order given.
+    exposures: Vec<PrintedExposure<'a>>,
+    /// What a person should know of it.
+    remarks: &'a [String],
+    /// The table `[camera.response]` for the rig file.
+    toml: String,
+}
+
+/// What of the levels is no power of light.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Deviation {
+    /// Root mean square over the levels \[grey levels\].
+    rms_levels: f64,
+    /// Largest size \[grey levels\].
+    most_levels: f64,
+    /// Level where that is \[grey levels\].
+    at_levels: f64,
+    /// χ² of having any, and its degrees of freedom.
+    chi2: [f64; 2],
+}
+
+/// An exposure.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PrintedExposure<'a> {
+    /// Name, as it was given.
+    name: &'a str,
+    /// Exposure time \[us\].
+    exposure_us: f64,
+    /// Frames.
+    frames: usize,
+    /// Share by which it is brighter than its time says; `None` = it was not used.
+    light_off_share: Option<f64>,
+}
+
+fn printed<'a>(exposures: &'a [Exposure], found: &'a Flat, stated: &StatedResponse) -> Printed<'a> {
+    let exposure = |e: &'a Exposure| PrintedExposure {
+        name: &e.name,
+        exposure_us: e.time_s * 1e6,
+        frames: e.frames(),
+        light_off_share: found
+            .off_times
+            .iter()
+            .find(|(name, _)| *name == e.name)
+            .map(|(_, share)| *share),
+    };
     let d = &found.deviation;
-    serde_json::json!({
-        "gamma": found.gamma,
-        "black_levels": found.black_levels,
-        "gamma_black_correlation": found.correlation,
-        "ceiling_levels": found.ceiling_levels,
-        "levels": found.levels,
-        "deviation": {
-            "rms_levels": d.rms_levels, "most_levels": d.most_levels, "at_levels": d.at_levels, "chi2": d.chi2,
+    Printed {
+        gamma: found.gamma,
+        black_levels: found.black_levels,
+        gamma_black_correlation: found.correlation,
+        ceiling_levels: found.ceiling_levels,
+        levels: found.levels,
+        deviation: Deviation {
+            rms_levels: d.rms_levels,
+            most_levels: d.most_levels,
+            at_levels: d.at_levels,
+            chi2: d.chi2,
         },
-        "scatter_share": found.scatter,
-        "chi2_per_freedom": found.chi2,
-        "places": found.blocks,
-        "exposures": series,
-        "remarks": found.remarks,
-        "toml": stated.to_toml(),
-    })
+        scatter_share: found.scatter,
+        chi2_per_freedom: found.chi2,
+        places: found.blocks,
+        exposures: exposures.iter().map(exposure).collect(),
+        remarks: &found.remarks,
+        toml: stated.to_toml(),
+    }
 }

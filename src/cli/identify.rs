@@ -7,7 +7,7 @@ use std::time::Duration;
 use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
 use super::output::Output;
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, inputs};
 use hydroline_identify::adopt::adopt;
@@ -190,7 +190,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     if let Some(found) = bollard.as_ref().filter(|_| args.logs.is_empty()) {
         if args.json {
-            outln!("{}", serde_json::to_string_pretty(found)?);
+            print::pretty_json(found)?;
         } else {
             out!("{}", found.to_toml());
         }
@@ -217,7 +217,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     };
     // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is printed.
     if args.json {
-        outln!("{}", serde_json::to_string_pretty(&result)?);
+        print::pretty_json(&result)?;
     } else {
         print(&result);
     }

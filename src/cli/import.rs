@@ -2,12 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::guess::{guess, guess_recording};
 use hydroline_import::recorded::{RecordedError, Recording};
-use hydroline_import::{Finding, Map, Options, Severity, Source, TableFile, import_table, survey};
+use hydroline_import::{
+    Finding, Lost, Map, Options, Severity, Source, TableFile, import_table, survey,
+};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -67,6 +71,21 @@ pub struct Args {
     /// Prints the findings as one JSON object
     #[arg(long)]
     json: bool,
+}
+
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed<'a> {
+    /// Whether the log was written.
+    written: bool,
+    /// Motion samples written; `None` = no log.
+    samples: Option<usize>,
+    /// Commands written; `None` = no log.
+    commands: Option<usize>,
+    /// What was left out; `None` = no log.
+    lost: Option<Lost>,
+    /// What was found in the table.
+    findings: &'a [Finding],
 }
 
 /// What may be imported.
@@ -183,14 +202,14 @@ fn write(
     };
     let result = import_table(table, &found, map, map_text, rig.as_ref(), out, options);
     if args.json {
-        let findings = serde_json::json!({
-            "written": result.is_ok(),
-            "samples": result.as_ref().ok().map(|o| o.samples),
-            "commands": result.as_ref().ok().map(|o| o.commands),
-            "lost": result.as_ref().ok().map(|o| o.lost),
-            "findings": found.findings,
-        });
-        outln!("{findings}");
+        let made = result.as_ref().ok();
+        print::json(&Printed {
+            written: result.is_ok(),
+            samples: made.map(|o| o.samples),
+            commands: made.map(|o| o.commands),
+            lost: made.map(|o| o.lost),
+            findings: &found.findings,
+        })?;
     }
     let outcome = result.map_err(|e| CliError::from(e).about(data))?;
     if !args.json {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::join::{From, Given, join};
@@ -95,7 +95,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         errln!("WARNING {warning}");
     }
     if args.json {
-        outln!("{}", serde_json::to_string(&joined)?);
+        print::json(&joined)?;
         return Ok(Outcome::Done);
     }
     outln!(

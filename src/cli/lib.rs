@@ -37,6 +37,7 @@ mod print;
 mod progress;
 mod prove;
 mod record;
+pub mod reference;
 mod remembered;
 mod replay;
 mod reproduce;

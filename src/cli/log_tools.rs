@@ -1,13 +1,14 @@
 //! `hydroline info | doctor | recover | export`: what is in a log, whether it is sound, mending, getting things out.
 
 use super::output::Output;
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::plain;
 use hydroline_identify::merged::Merged;
 use hydroline_import::recorded::{Contents, RecordedError, Recording};
 use hydroline_log::export::ExportOptions;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -104,9 +105,12 @@ pub struct ExportArgs {
     json: bool,
 }
 
-fn print(json: bool, value: &(impl serde::Serialize + std::fmt::Display)) -> Result<(), CliError> {
+fn print(
+    json: bool,
+    value: &(impl serde::Serialize + schemars::JsonSchema + std::fmt::Display),
+) -> Result<(), CliError> {
     if json {
-        outln!("{}", serde_json::to_string(value)?);
+        print::json(value)?;
     } else {
         out!("{value}");
     }
@@ -150,13 +154,14 @@ pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
 }
 
 /// A log, and what of it `import` can take.
-#[derive(serde::Serialize)]
-struct LogInfo<'a> {
+#[derive(serde::Serialize, schemars::JsonSchema)]
+pub(super) struct LogInfo<'a> {
     #[serde(flatten)]
     info: hydroline_log::info::Info,
+    /// What a map of `import` can name in it; absent where it is nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     importable: Option<&'a Contents>,
-    /// Why `import` can take nothing of a log of another program.
+    /// Why `import` can take nothing of a log of another program; absent where it can.
     #[serde(skip_serializing_if = "Option::is_none")]
     not_importable: Option<String>,
 }
@@ -226,6 +231,13 @@ fn export_folder(args: &ExportArgs) -> Result<PathBuf, CliError> {
     Ok(out)
 }
 
+/// What `export --merged --json` prints.
+#[derive(serde::Serialize, schemars::JsonSchema)]
+pub(super) struct MergedRows {
+    /// Rows by file.
+    rows: BTreeMap<String, usize>,
+}
+
 /// One table of the whole run.
 fn merged(args: &ExportArgs) -> Result<Outcome, CliError> {
     let out = match &args.out {
@@ -245,8 +257,8 @@ fn merged(args: &ExportArgs) -> Result<Outcome, CliError> {
         .map_err(|e| CliError::writing(&out, &e))?;
     output.write(&out, &text)?;
     if args.json {
-        let rows = serde_json::json!({ "rows": { out.display().to_string(): table.rows() } });
-        outln!("{rows}");
+        let rows = BTreeMap::from([(out.display().to_string(), table.rows())]);
+        print::json(&MergedRows { rows })?;
     } else {
         outln!("{}: {} rows", out.display(), table.rows());
     }
@@ -269,7 +281,7 @@ pub fn export(args: &ExportArgs) -> Result<Outcome, CliError> {
         Outcome::Done
     };
     if args.json {
-        outln!("{}", serde_json::to_string(&exported)?);
+        print::json(&exported)?;
         return Ok(outcome);
     }
     for (file, rows) in &exported.rows {

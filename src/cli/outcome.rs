@@ -1,11 +1,6 @@
 //! Exit codes, in one place: what each error of each room means to whoever typed the command.
 //!
-//! | code | |
-//! |---|---|
-//! | 0 | done |
-//! | 1 | the run failed: what was given is sound, the work did not come to its end (or to what was asked of it) |
-//! | 2 | bad arguments or config: what was given cannot be used, be it a word, a value, or a file that is missing, unreadable, or of the wrong kind; nothing was made of it |
-//! | 3 | done, but something was lost |
+//! [`EXIT_CODES`] says what each code means.
 
 mod sorted;
 
@@ -13,6 +8,31 @@ pub(crate) use sorted::Sorted;
 
 use std::path::Path;
 use std::process::ExitCode;
+
+const DONE: u8 = 0;
+const FAILED: u8 = 1;
+const BAD_INPUT: u8 = 2;
+const LOSSY: u8 = 3;
+
+/// Every exit code: number, name, meaning.
+pub(crate) const EXIT_CODES: [(u8, &str, &str); 4] = [
+    (DONE, "done", "The command came to its end."),
+    (
+        FAILED,
+        "failed",
+        "What was given is sound, but the work did not come to its end, or not to what was asked of it.",
+    ),
+    (
+        BAD_INPUT,
+        "bad arguments or config",
+        "What was given cannot be used: a word, a value, or a file that is missing, unreadable or of the wrong kind. Nothing was made of it.",
+    ),
+    (
+        LOSSY,
+        "done, but something was lost",
+        "The result is there, but it lacks something, as the words on stderr say: a lossy recovery, dropped frames, a disk that filled up after a readable file.",
+    ),
+];
 
 /// A command that came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,13 +111,13 @@ impl<E: Sorted> From<E> for CliError {
     }
 }
 
-/// 0 done, 1 failed, 2 bad arguments or config, 3 done but something was lost.
+/// By [`EXIT_CODES`].
 pub fn exit_code(result: &Result<Outcome, CliError>) -> ExitCode {
     ExitCode::from(match result {
-        Ok(Outcome::Done) => 0,
-        Ok(Outcome::Lossy) => 3,
-        Err(CliError::Run(_)) => 1,
-        Err(CliError::Config(_)) => 2,
+        Ok(Outcome::Done) => DONE,
+        Ok(Outcome::Lossy) => LOSSY,
+        Err(CliError::Run(_)) => FAILED,
+        Err(CliError::Config(_)) => BAD_INPUT,
     })
 }
 

@@ -1,6 +1,6 @@
 //! `hydroline plan`: what is built in, what of it runs on a rig, and a plan at the size that fits.
 
-use super::print::{out, outln};
+use super::print::{self, out, outln};
 use super::remembered::SeenArgs;
 use super::{CliError, Outcome, design, inputs};
 use clap::Subcommand;
@@ -71,17 +71,19 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// A plan as `plan list --json` says it.
-#[derive(Debug, Serialize)]
-struct Listed {
+#[derive(Debug, Serialize, schemars::JsonSchema)]
+pub(super) struct Listed {
+    /// Name of the plan.
     plan: &'static str,
+    /// Its length \[s\].
     duration_s: f64,
-    /// Largest load per axis; `null` where single thrusters are commanded.
+    /// Largest load per DOF, SNAME order; `null` where single thrusters are commanded \[N, N m\].
     largest: Option<[f64; 6]>,
-    /// On the rig; `null` without one.
+    /// Whether it runs on the rig; `null` without one.
     runs: Option<bool>,
-    /// Why not.
+    /// Why it does not run on the rig; `null` where it does, or without one.
     refused: Option<String>,
-    /// Largest share of its loads that runs; `null` where it runs as it is, or where it is not its size.
+    /// Largest share of its loads that runs on the rig; `null` where it runs as it is, or where it is not its size.
     share_that_fits: Option<f64>,
 }
 
@@ -108,7 +110,7 @@ fn list(named: Option<&str>, seen: &SeenArgs, json: bool) -> Result<(), CliError
         all.push(listed(name, rig.as_ref(), map.as_deref())?);
     }
     if json {
-        outln!("{}", serde_json::json!(all));
+        print::json(&all)?;
         return Ok(());
     }
     for plan in &all {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::output::Output;
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_identify::data::{check_vehicle, load};
 use hydroline_identify::predict::report::pages;
@@ -63,10 +63,11 @@ pub struct Args {
 const REPORT_FILES: [&str; 2] = ["predict.html", "predict.svg"];
 
 /// What --json prints.
-#[derive(Serialize)]
-struct Printed<'a> {
+#[derive(Serialize, schemars::JsonSchema)]
+pub(super) struct Printed<'a> {
     #[serde(flatten)]
     made: &'a Prediction,
+    /// With --measured: the measured run beside the prediction.
     #[serde(skip_serializing_if = "Option::is_none")]
     measured: Option<&'a Measured>,
 }
@@ -116,7 +117,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     if args.json {
         let (made, measured) = (&made, measured.as_ref());
-        outln!("{}", serde_json::to_string(&Printed { made, measured })?);
+        print::json(&Printed { made, measured })?;
     } else {
         csv(&made);
     }

@@ -6,6 +6,7 @@
 //! itself cannot be written there is nobody left to tell, and the work goes on. What would act on a terminal is
 //! written visibly ([`plain`]).
 
+use super::CliError;
 use hydroline_core::plain;
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -75,6 +76,18 @@ pub fn write(text: Arguments<'_>) {
 /// A text that another program reads (a manual page, a script), byte for byte.
 pub fn bytes(text: &[u8]) {
     raw(text);
+}
+
+/// A result as one JSON text on a line. Of what describes itself only: the book's reference lists its fields.
+pub fn json(value: &(impl serde::Serialize + schemars::JsonSchema)) -> Result<(), CliError> {
+    write(format_args!("{}\n", serde_json::to_string(value)?));
+    Ok(())
+}
+
+/// The same over several lines.
+pub fn pretty_json(value: &(impl serde::Serialize + schemars::JsonSchema)) -> Result<(), CliError> {
+    write(format_args!("{}\n", serde_json::to_string_pretty(value)?));
+    Ok(())
 }
 
 /// A line that takes the place of the one before it on a terminal, and a line of its own anywhere else.

@@ -2,15 +2,27 @@
 
 use std::path::Path;
 
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
+use hydroline_benchmark::case::Truth;
 use hydroline_benchmark::case::{FULL, parse};
+use hydroline_benchmark::coupled::CoupledJudged;
+use hydroline_benchmark::disturbance::Disturbance;
+use hydroline_benchmark::external_law::ExternalLaw;
+use hydroline_benchmark::faulty::Fault;
+use hydroline_benchmark::images::ImageJudged;
+use hydroline_benchmark::instrument::Flaw;
+use hydroline_benchmark::score::Score;
 use hydroline_benchmark::score::complaint;
 use hydroline_benchmark::{Case, coupled, export, images};
 use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
+use hydroline_diagnose::verdict::Verdict;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -102,8 +114,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     bar.finish_and_clear();
     let total = score(&judged);
     if args.json {
-        let object = serde_json::json!({ "seed": args.seed, "score": total, "cases": judged });
-        outln!("{object}");
+        let (seed, score, cases) = (args.seed, &total, judged.as_slice());
+        print::json(&Proved { seed, score, cases })?;
     } else {
         out!("{}", table::words(&total));
         // Cases that were kept took no time now.
@@ -130,7 +142,7 @@ fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
     } else {
         for (category, index) in catalogue(args.cases, args.category) {
             let case = make(args.seed, category, index)?;
-            export::case(folder, &case, &key(&case))?;
+            export::case(folder, &case, &serde_json::to_value(key(&case))?)?;
             bar.inc(1);
         }
     }
@@ -140,15 +152,31 @@ fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
 }
 
 /// What only the key of a case knows.
-fn key(case: &Case) -> serde_json::Value {
-    serde_json::json!({
-        "truth": case.key.truth,
-        "external_law": case.key.tank.external_law,
-        "vehicle": case.key.coefficients().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
-        "disturbance": case.key.tank.disturbance,
-        "fault": case.key.fault,
-        "flaws": case.key.flaws,
-    })
+#[derive(Debug, Serialize, JsonSchema)]
+struct Key<'a> {
+    /// The effects that are there.
+    truth: &'a [Truth],
+    /// The effect from outside the candidate library, where there is one.
+    external_law: Option<&'a ExternalLaw>,
+    /// The vehicle's coefficients \[SI\].
+    vehicle: BTreeMap<String, f64>,
+    /// The disturbance of the motion.
+    disturbance: &'a Disturbance,
+    /// The fault of the data, where there is one.
+    fault: Option<&'a Fault>,
+    /// What the instruments do wrong.
+    flaws: &'a [Flaw],
+}
+
+fn key(case: &Case) -> Key<'_> {
+    Key {
+        truth: &case.key.truth,
+        external_law: case.key.tank.external_law.as_ref(),
+        vehicle: case.key.coefficients().into_iter().collect(),
+        disturbance: &case.key.tank.disturbance,
+        fault: case.key.fault.as_ref(),
+        flaws: &case.key.flaws,
+    }
 }
 
 fn kept(args: &Args) -> Result<Option<Kept>, CliError> {
@@ -174,8 +202,8 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     let judged = images::run(args.seed, &indices, &done)?;
     bar.finish_and_clear();
     if args.json {
-        let object = serde_json::json!({ "seed": args.seed, "images": judged });
-        outln!("{object}");
+        let (seed, images) = (args.seed, judged.as_slice());
+        print::json(&ProvedImages { seed, images })?;
     } else {
         out!("{}", images::words(&judged));
     }
@@ -195,8 +223,8 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
     let judged = coupled::run(args.seed, &indices, kept.as_ref(), &done)?;
     bar.finish_and_clear();
     if args.json {
-        let object = serde_json::json!({ "seed": args.seed, "coupled": judged });
-        outln!("{object}");
+        let (seed, coupled) = (args.seed, judged.as_slice());
+        print::json(&ProvedCoupled { seed, coupled })?;
     } else {
         out!("{}", coupled::words(&judged));
     }
@@ -206,35 +234,102 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
 fn only_coupled(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = coupled::make(args.seed, index)?;
     let (judged, verdict) = coupled::judge(&case)?;
-    let object = serde_json::json!({
-        "id": format!("coupled-{index}"),
-        "seed": args.seed,
-        "verdict": verdict,
-        "judged": judged,
-    });
+    let object = OneCoupled {
+        id: &format!("coupled-{index}"),
+        seed: args.seed,
+        verdict: &verdict,
+        judged: &judged,
+    };
     printed(args, &object)?;
     Ok(Outcome::Done)
 }
 
-fn printed(args: &Args, object: &serde_json::Value) -> Result<(), CliError> {
-    let text = if args.json {
-        serde_json::to_string(object)
-    } else {
-        serde_json::to_string_pretty(object)
-    };
-    outln!("{}", text?);
-    Ok(())
+fn printed(args: &Args, object: &(impl Serialize + JsonSchema)) -> Result<(), CliError> {
+    match args.json {
+        true => print::json(object),
+        false => print::pretty_json(object),
+    }
+}
+
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Proved<'a> {
+    /// Seed of all cases.
+    seed: u64,
+    /// The score.
+    score: &'a Score,
+    /// Every case.
+    cases: &'a [Judged],
+}
+
+/// What `--images N --json` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ProvedImages<'a> {
+    /// Seed of all cases.
+    seed: u64,
+    /// Every case.
+    images: &'a [ImageJudged],
+}
+
+/// What `--coupled N --json` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct ProvedCoupled<'a> {
+    /// Seed of all cases.
+    seed: u64,
+    /// Every case.
+    coupled: &'a [CoupledJudged],
+}
+
+/// What `--only ID` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct One<'a> {
+    /// Id of the case.
+    id: &'a str,
+    /// Seed of the case.
+    seed: u64,
+    /// The whole verdict, as `diagnose --json` prints it.
+    verdict: Option<&'a Verdict>,
+    /// What only the key of the case knows.
+    key: Key<'a>,
+    /// The case with its score, as `prove --json` prints each of its `cases`.
+    judged: &'a Judged,
+}
+
+/// What `--only image-N` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct OneImage<'a> {
+    /// Id of the case.
+    id: &'a str,
+    /// Seed of the case.
+    seed: u64,
+    /// What the images say, as `diagnose --json` prints it; `null` = nothing was found in them.
+    verdict: Option<Verdict>,
+    /// The case with its score, as `prove --images N --json` prints each of its `images`.
+    judged: &'a ImageJudged,
+}
+
+/// What `--only coupled-N` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct OneCoupled<'a> {
+    /// Id of the case.
+    id: &'a str,
+    /// Seed of the case.
+    seed: u64,
+    /// The whole verdict, as `diagnose --json` prints it.
+    verdict: &'a Verdict,
+    /// The case with its score, as `prove --coupled N --json` prints each of its `coupled`.
+    judged: &'a CoupledJudged,
 }
 
 fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
     let case = images::make(args.seed, index)?;
     let (judged, found) = images::judge(&case)?;
-    let object = serde_json::json!({
-        "id": format!("image-{index}"),
-        "seed": args.seed,
-        "verdict": found.as_ref().map(|f| f.verdict()),
-        "judged": judged,
-    });
+    let object = OneImage {
+        id: &format!("image-{index}"),
+        seed: args.seed,
+        verdict: found.as_ref().map(|f| f.verdict()),
+        judged: &judged,
+    };
     printed(args, &object)?;
     Ok(Outcome::Done)
 }
@@ -250,13 +345,13 @@ fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
     let case = make(args.seed, category, index)?;
     let judged = judge(&case, how(args))?;
     let key = key(&case);
-    let object = serde_json::json!({
-        "id": id,
-        "seed": args.seed,
-        "verdict": judged.verdict,
-        "key": key,
-        "judged": judged,
-    });
+    let object = One {
+        id,
+        seed: args.seed,
+        verdict: judged.verdict.as_ref(),
+        key,
+        judged: &judged,
+    };
     printed(args, &object)?;
     errln!(
         "{}",

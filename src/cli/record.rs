@@ -1,29 +1,35 @@
 //! `hydroline record`: the daemon on the command line.
 
-mod until;
+pub(super) mod until;
 
 use super::bring_back::{self, NearArgs, Way};
 use super::calibrated::{MakeArgs, UseArgs};
 use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
-use super::print::{errln, out, outln};
+use super::print::{self, errln, out, outln};
 use super::remembered::{Memory, RememberArgs};
 use super::rigging::{self, Rigged};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::calibration::Residuals;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, ImageSize};
+use hydroline_capture::CaptureCounts;
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_daemon::calibrate::{Setup, medium};
-use hydroline_daemon::record::{self, Job, Parts, Report, SessionInput, Status, keys::Keys};
+use hydroline_daemon::record::{
+    self, Job, Parts, PoseCounts, Report, SessionInput, Status, keys::Keys,
+};
 use hydroline_log::{FileParts, Recorder, WriteSettings, bytes_per_s, check_space};
 use hydroline_plan::preflight::{Preflight, Repeats, preflight_runs};
 use hydroline_rigs::{CameraBackend, Dof, LinkPort, Plan, Rig};
 use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::service::check_set;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -249,7 +255,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     };
     let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
     if args.json {
-        outln!("{}", serde_json::json!({ "runs": reports }));
+        print::json(&Printed { runs: &reports })?;
     }
     result
 }
@@ -317,7 +323,7 @@ fn record_all(
     args: &Args,
     mut calibrating: Calibrating,
     outs: &[PathBuf],
-    reports: &mut Vec<serde_json::Value>,
+    reports: &mut Vec<Recorded>,
 ) -> Result<Outcome, CliError> {
     let Session {
         plan,
@@ -505,7 +511,7 @@ fn check_plan(
     let report = preflight_runs(rig, plan, repeats(plan, args), map.as_deref())?;
     if args.dry_run {
         if args.json {
-            outln!("{}", serde_json::json!(report));
+            print::json(&report)?;
         } else {
             out!("{report}");
             if args.return_to_start && args.runs > 1 {
@@ -741,27 +747,79 @@ fn show(bar: &indicatif::ProgressBar, status: &Status) {
     ));
 }
 
-fn json_report(out: &Path, report: &Report) -> serde_json::Value {
-    serde_json::json!({
-        "log": out,
-        "files": report.log.files,
-        "stop": report.stop.to_string(),
-        "lost": report.lost_anything(),
-        "capture": report.capture,
-        "frames_dropped": report.log.counts.frames_dropped,
-        "frames_analysed": report.analysed,
-        "frames_not_analysed": report.skipped,
-        "poses": report.poses,
-        "command_sets": report.thrusters.map(|t| t.sets),
-        "command_sets_echoed": report.thrusters.map(|t| t.echoed),
-        "bytes": report.log.counts.bytes,
-        "calibration": report.calibration.as_ref().map(|c| serde_json::json!({
-            "accepted": c.accepted.is_some(),
-            "claim": c.accepted.as_ref().map(Calibration::claim),
-            "residuals": c.accepted.as_ref().and_then(|c| c.residuals),
-            "missing": c.missing,
-        })),
-    })
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed<'a> {
+    /// The runs in turn.
+    runs: &'a [Recorded],
+}
+
+/// A run that was recorded.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Recorded {
+    /// The log.
+    log: PathBuf,
+    /// Its files: more than one where it went on in a new part.
+    files: Vec<PathBuf>,
+    /// Why the run ended.
+    stop: String,
+    /// Whether anything was lost.
+    lost: bool,
+    /// The account of frames.
+    capture: CaptureCounts,
+    /// Frames that the log did not take since the disk was too slow.
+    frames_dropped: u64,
+    /// Frames whose stripe was extracted while recording.
+    frames_analysed: u64,
+    /// Frames that a newer one replaced before that; `replay` extracts all.
+    frames_not_analysed: u64,
+    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    poses: Option<PoseCounts>,
+    /// Sets of commands sent; `None` = without thrusters.
+    command_sets: Option<u64>,
+    /// Sets of commands that the controller echoed; `None` = without thrusters.
+    command_sets_echoed: Option<u64>,
+    /// Bytes of the log.
+    bytes: u64,
+    /// With --calibrate: what came of it.
+    calibration: Option<RecordedCalibration>,
+}
+
+/// A calibration in the making.
+#[derive(Debug, Serialize, JsonSchema)]
+struct RecordedCalibration {
+    /// Whether one was accepted.
+    accepted: bool,
+    /// What it claims, in words; `None` = none was accepted.
+    claim: Option<String>,
+    /// How well its map fits the nodes of the board; `None` = none was accepted.
+    residuals: Option<Residuals>,
+    /// What is missing for one, in words; empty where it was accepted.
+    missing: String,
+}
+
+fn json_report(out: &Path, report: &Report) -> Recorded {
+    let calibration = |c: &record::Calibrating| RecordedCalibration {
+        accepted: c.accepted.is_some(),
+        claim: c.accepted.as_ref().map(Calibration::claim),
+        residuals: c.accepted.as_ref().and_then(|c| c.residuals),
+        missing: c.missing.clone(),
+    };
+    Recorded {
+        log: out.to_owned(),
+        files: report.log.files.clone(),
+        stop: report.stop.to_string(),
+        lost: report.lost_anything(),
+        capture: report.capture,
+        frames_dropped: report.log.counts.frames_dropped,
+        frames_analysed: report.analysed,
+        frames_not_analysed: report.skipped,
+        poses: report.poses.clone(),
+        command_sets: report.thrusters.map(|t| t.sets),
+        command_sets_echoed: report.thrusters.map(|t| t.echoed),
+        bytes: report.log.counts.bytes,
+        calibration: report.calibration.as_ref().map(calibration),
+    }
 }
 
 fn print_report(out: &Path, report: &Report) {

@@ -2,7 +2,7 @@
 
 use super::calibrated::UseArgs;
 use super::live::{self, LiveArgs, Shown};
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, images, inputs, progress};
 use clap::{Args as _, FromArgMatches as _};
 use hydroline_calib::analytic::IdealMap;
@@ -20,6 +20,8 @@ use hydroline_log::LogReader;
 use hydroline_pose::joint::refine::Wanted;
 use hydroline_pose::run::PoseRun;
 use hydroline_rigs::Rig;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -118,6 +120,24 @@ fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
     }))
 }
 
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed {
+    /// The logs in the order given.
+    replays: Vec<Replayed>,
+}
+
+/// A log that was replayed.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Replayed {
+    /// The log, or a folder of images.
+    log: PathBuf,
+    /// The new log.
+    out: PathBuf,
+    /// What came of its frames.
+    report: Report,
+}
+
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     wanted(&args.refine)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
@@ -158,10 +178,14 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         if matches!(made, Outcome::Lossy) {
             outcome = made;
         }
-        reports.push(serde_json::json!({ "log": log, "out": out, "report": report }));
+        reports.push(Replayed {
+            log: log.clone(),
+            out: out.clone(),
+            report,
+        });
     }
     if args.json {
-        outln!("{}", serde_json::json!({ "replays": reports }));
+        print::json(&Printed { replays: reports })?;
     }
     Ok(outcome)
 }

@@ -3,7 +3,7 @@
 mod summary;
 
 use super::output::Output;
-use super::print::{out, outln};
+use super::print::{self, out, outln};
 use super::{CliError, Outcome, progress};
 use clap::ValueEnum;
 use hydroline_reproduce::{
@@ -113,7 +113,7 @@ fn one(args: &Args) -> Result<String, CliError> {
     };
     if let Some(figure) = figure {
         let figure = figure?;
-        print(args.json, "figure", &figure, || print_figure(&figure));
+        print(args.json, "figure", &figure, || print_figure(&figure))?;
         save(args.output, args.csv.as_ref(), &figure.csv())?;
         save(args.output, args.svg.as_ref(), &figure.svg())?;
         return Ok(figure.notes.join("; "));
@@ -129,7 +129,7 @@ fn one(args: &Args) -> Result<String, CliError> {
             let five = args.what == What::Table5;
             let cells = disturbed(five)?;
             let name = if five { "table5" } else { "table4" };
-            print(args.json, name, &cells, || print_cells(&cells));
+            print(args.json, name, &cells, || print_cells(&cells))?;
             let csv = csv_of(
                 "formula,disturbance,from,to,condition,paper,ours,unit,no_answer",
                 cells.iter().map(|c| {
@@ -151,31 +151,31 @@ fn one(args: &Args) -> Result<String, CliError> {
         }
         What::Calibration => {
             let study = CalibrationStudy::compute(args.seed)?;
-            print(args.json, "calibration", &study, || out!("{study}"));
+            print(args.json, "calibration", &study, || out!("{study}"))?;
             (csv_of_any(&study), summary::calibration(&study))
         }
         What::Table10 => {
             let bar = progress::bar(3 * args.seeds, "experiments");
             let rows = table10(args.seeds, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            print(args.json, "table10", &rows, || print_table10(&rows));
+            print(args.json, "table10", &rows, || print_table10(&rows))?;
             (csv_of_any(&rows), summary::table10(&rows))
         }
         What::Table11 => {
             let rows = table11();
-            print(args.json, "table11", &rows, || print_table11(&rows));
+            print(args.json, "table11", &rows, || print_table11(&rows))?;
             (csv_of_any(&rows), summary::table11(&rows))
         }
         What::AllDofs => {
             let bar = progress::bar(5 * args.seeds, "experiments");
             let rows = all_dofs(args.seeds, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            print(args.json, "all_dofs", &rows, || print_all_dofs(&rows));
+            print(args.json, "all_dofs", &rows, || print_all_dofs(&rows))?;
             (csv_of_any(&rows), summary::all_dofs(&rows))
         }
         What::Table7 => {
             let runs = table7(every)?;
-            print(args.json, "table7", &runs, || print_table7(&runs));
+            print(args.json, "table7", &runs, || print_table7(&runs))?;
             let csv = csv_of(
                 "thrust_n,disturbance,frames,paper_psi_s_deg,paper_max_mm,whole_pixel_psi_s_deg,whole_pixel_max_mm,formula_psi_s_deg,formula_max_mm,joint_max_mm,smoothed_max_mm",
                 runs.iter().map(|r| {
@@ -199,7 +199,7 @@ fn one(args: &Args) -> Result<String, CliError> {
         }
         What::JointPose => {
             let found = joint_accuracy(args.frames as usize, args.seed, &args.target)?;
-            print(args.json, "joint_pose", &found, || print_joint(&found));
+            print(args.json, "joint_pose", &found, || print_joint(&found))?;
             let csv = csv_of(
                 "rms,reported_sd,bound,covered_95",
                 (0..6).map(|i| {
@@ -216,7 +216,7 @@ fn one(args: &Args) -> Result<String, CliError> {
         }
         _ => {
             let rows = table3(every)?;
-            print(args.json, "table3", &rows, || print_table3(&rows));
+            print(args.json, "table3", &rows, || print_table3(&rows))?;
             let csv = csv_of(
                 "motion,unit,frames,paper_low,paper_high,whole_pixel_low,whole_pixel_high,formula_low,formula_high,ours_low,ours_high",
                 rows.iter().map(|r| {
@@ -401,11 +401,20 @@ fn print_table7(runs: &[SurgeRun]) {
     }
 }
 
-fn print(json: bool, name: &str, value: &impl serde::Serialize, words: impl FnOnce()) {
+/// What --json prints: the table or figure under its name.
+pub(super) type Printed<'a, T> = std::collections::BTreeMap<&'static str, &'a T>;
+
+fn print<T: serde::Serialize + schemars::JsonSchema>(
+    json: bool,
+    name: &'static str,
+    value: &T,
+    words: impl FnOnce(),
+) -> Result<(), CliError> {
     if json {
-        outln!("{}", serde_json::json!({ name: value }))
+        print::json(&Printed::from([(name, value)]))
     } else {
-        words()
+        words();
+        Ok(())
     }
 }
 

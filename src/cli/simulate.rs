@@ -1,7 +1,7 @@
 //! `hydroline simulate`: a plan through the forward model, without waiting.
 
 use super::live::{self, LiveArgs};
-use super::print::{errln, outln};
+use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
@@ -9,7 +9,10 @@ use hydroline_daemon::simulate::{Options, simulate};
 use hydroline_log::AtomicFile;
 use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
-use std::path::PathBuf;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 #[derive(Debug, clap::Args)]
@@ -76,6 +79,19 @@ pub struct Args {
     out: PathBuf,
 }
 
+/// What --json prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(super) struct Printed<'a> {
+    /// The log.
+    log: &'a Path,
+    /// Length of the run \[s\].
+    length_s: f64,
+    /// Messages written, by topic.
+    messages: BTreeMap<&'static str, u64>,
+    /// Bytes written.
+    bytes: u64,
+}
+
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     let plan = inputs::plan(&args.plan, &rig)?;
@@ -112,15 +128,12 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let outcome = result?;
     unfinished.finish()?;
     if args.json {
-        outln!(
-            "{}",
-            serde_json::json!({
-                "log": args.out,
-                "length_s": length_s,
-                "messages": outcome.counts.messages,
-                "bytes": outcome.counts.bytes,
-            })
-        );
+        print::json(&Printed {
+            log: &args.out,
+            length_s,
+            messages: outcome.counts.messages,
+            bytes: outcome.counts.bytes,
+        })?;
     } else {
         outln!("{}", args.out.display());
     }

@@ -1,5 +1,9 @@
 //! What happened to the daemon itself: goes to `/daemon/event`, never dropped.
 
+pub mod kind;
+
+pub use kind::{EventKind, EventValue};
+
 use std::borrow::Cow;
 
 /// How bad it is.
@@ -20,10 +24,8 @@ pub struct Event {
     pub timestamp_ns: u64,
     /// How bad.
     pub severity: Severity,
-    /// Stable machine word, `part.what`: `camera.unplugged`, `camera.replugged`, `camera.frozen`, `camera.gap`,
-    /// `camera.error_frame`, `camera.control_changed`, `serial.lost`, `serial.back`, `thruster.neutral`,
-    /// `clock.step`, `log.rotated`, `log.frames_dropped`, `disk.low` ...
-    pub kind: &'static str,
+    /// What has happened, by the list of [`kind`].
+    pub kind: &'static EventKind,
     /// One sentence for a person, with the numbers in it.
     pub message: String,
     /// Numbers for a machine, e.g. ("lost", 3.0), ("gap_s", 0.12).
@@ -35,9 +37,14 @@ impl Event {
     pub fn new(
         timestamp_ns: u64,
         severity: Severity,
-        kind: &'static str,
+        kind: &'static EventKind,
         message: impl Into<String>,
     ) -> Self {
+        debug_assert!(
+            kind.severities.contains(&severity),
+            "{} is never {severity:?} by its entry in event/kind",
+            kind.name
+        );
         Self {
             timestamp_ns,
             severity,
@@ -50,7 +57,13 @@ impl Event {
     /// Adds a number.
     #[must_use]
     pub fn with(mut self, name: impl Into<Cow<'static, str>>, value: f64) -> Self {
-        self.values.push((name.into(), value));
+        let name = name.into();
+        debug_assert!(
+            self.kind.carries(&name),
+            "{} does not carry {name} by its entry in event/kind",
+            self.kind.name
+        );
+        self.values.push((name, value));
         self
     }
 }

@@ -31,7 +31,7 @@ use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
@@ -129,7 +129,7 @@ pub struct Report {
 }
 
 /// What became of the stripes that were offered to the pose's fit.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct PoseCounts {
     /// Poses in the log.
     pub fitted: u64,
@@ -143,6 +143,7 @@ pub struct PoseCounts {
     /// Frames of the opening with a pose, which found the camera's response: not in the log, `replay` fits them under it.
     pub opening: u64,
     /// The camera's response as the opening found it; `None` where the recording ended before that.
+    #[schemars(with = "Option<crate::response::ResponseReport>")]
     pub response: Option<Found>,
 }
 
@@ -230,13 +231,13 @@ impl Shared {
             desk.post(Note::Event(event.into()));
         }
         match event.severity {
-            Severity::Info => tracing::info!(kind = event.kind, "{}", event.message),
-            Severity::Warning => tracing::warn!(kind = event.kind, "{}", event.message),
-            Severity::Error => tracing::error!(kind = event.kind, "{}", event.message),
+            Severity::Info => tracing::info!(kind = event.kind.name, "{}", event.message),
+            Severity::Warning => tracing::warn!(kind = event.kind.name, "{}", event.message),
+            Severity::Error => tracing::error!(kind = event.kind.name, "{}", event.message),
         }
     }
 
-    fn say(&self, severity: Severity, kind: &'static str, message: impl Into<String>) {
+    fn say(&self, severity: Severity, kind: &'static EventKind, message: impl Into<String>) {
         self.event(&Event::new(
             self.clock.triple().realtime_ns,
             severity,
@@ -377,7 +378,7 @@ pub fn run(
         poses = threads.poses.and_then(worker::join);
         worker::join(threads.limits);
     }
-    shared.say(Severity::Info, "daemon.stop", stop.to_string());
+    shared.say(Severity::Info, &kind::DAEMON_STOP, stop.to_string());
     if let Some(desk) = &shared.desk {
         desk.post(Note::End(stop.to_string()));
         desk.status.close();
@@ -422,13 +423,13 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
             if calibration.residuals.is_none() && searching {
                 shared.say(
                     Severity::Info,
-                    "calibration.none",
+                    &kind::CALIBRATION_NONE,
                     "the board is searched for; until a calibration is accepted plane coordinates come from the rig's ideal camera",
                 );
             } else if calibration.residuals.is_none() {
                 shared.say(
                     Severity::Warning,
-                    "calibration.none",
+                    &kind::CALIBRATION_NONE,
                     "no calibration: plane coordinates come from the ideal camera of the rig's numbers (Eqs. 11-12), \
                      their sd is that of the stripe alone; `record --calibrate` makes one, --calibration uses it",
                 );
@@ -436,7 +437,7 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
         }
         None => shared.say(
             Severity::Warning,
-            "calibration.none",
+            &kind::CALIBRATION_NONE,
             "no calibration: profiles hold pixels only, no laser-plane coordinates",
         ),
     }

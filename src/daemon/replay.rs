@@ -91,7 +91,7 @@ pub struct Options {
 }
 
 /// What a replay found.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Report {
     /// Frames in the log.
     pub frames: u64,

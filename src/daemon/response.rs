@@ -3,7 +3,7 @@
 //!
 //! An event says it when it is found; the summary repeats it, where a reader finds it at once.
 
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_log::MetadataMap;
 use hydroline_log::messages::pb;
 use hydroline_pose::joint::{CameraResponse, OF_RUN};
@@ -11,7 +11,7 @@ use hydroline_pose::opening::Opening;
 use serde::Serialize;
 
 /// Kind of the event.
-pub const KIND: &str = "camera.response";
+pub static KIND: &EventKind = &kind::CAMERA_RESPONSE;
 
 /// What is held: names of the event's values, and behind `camera.response.` of the summary's; their variances and covariances
 /// go by the names of both.
@@ -75,7 +75,7 @@ pub struct Found {
 }
 
 /// The same for a person and for JSON.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ResponseReport {
     /// γ of g = b + 255 (L/255)^γ, and its sd.
     pub gamma: [f64; 2],
@@ -95,7 +95,7 @@ pub struct ResponseReport {
 }
 
 /// Of a curve that the rig states.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Stated {
     /// γ as the frames alone say it, and its sd.
     pub frames_gamma: Option<[f64; 2]>,
@@ -111,7 +111,8 @@ impl Found {
 
     /// For a log's summary.
     pub fn metadata(&self) -> Vec<(String, String)> {
-        let entry = |(name, value): (String, f64)| (format!("{KIND}.{name}"), value.to_string());
+        let entry =
+            |(name, value): (String, f64)| (format!("{}.{name}", KIND.name), value.to_string());
         self.numbers().map(entry).collect()
     }
 
@@ -126,7 +127,7 @@ impl Found {
 
     /// What a log's summary says; `None` where it says nothing.
     pub fn of_metadata(summary: &MetadataMap) -> Option<Found> {
-        Found::of_named(|name| summary.get(&format!("{KIND}.{name}"))?.parse().ok())
+        Found::of_named(|name| summary.get(&format!("{}.{name}", KIND.name))?.parse().ok())
     }
 
     fn numbers(&self) -> impl Iterator<Item = (String, f64)> {
@@ -210,7 +211,7 @@ impl Found {
 
     /// What an event says; `None` where it is another one.
     pub fn of_event(event: &pb::Event) -> Option<Found> {
-        if event.kind != KIND {
+        if event.kind != KIND.name {
             return None;
         }
         Found::of_named(|name| event.values.get(name).copied())

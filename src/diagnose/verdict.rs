@@ -9,7 +9,17 @@ pub const ESTABLISHED: f64 = 0.95;
 
 /// One word. Ordered: of two verdicts on the same logs the later one stands.
 #[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    schemars::JsonSchema,
+    serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Word {
@@ -27,7 +37,7 @@ pub enum Word {
 }
 
 /// Whether an effect acts by the library's law.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
     /// Nothing speaks against it.
@@ -37,7 +47,7 @@ pub enum Law {
 }
 
 /// A number with its spread.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Value {
     /// Estimate.
     pub value: f64,
@@ -46,25 +56,25 @@ pub struct Value {
 }
 
 /// An effect that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Effect {
-    /// Id.
+    /// Id of the effect.
     pub effect: String,
-    /// Its words, e.g. dof.
+    /// Its parameters that are words, as `dof`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub words: BTreeMap<String, String>,
-    /// Where it acts, where its words say so.
+    /// Degree of freedom that it acts in, where its words say so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dof: Option<String>,
     /// Probability that it is part of the explanation.
     pub probability: f64,
     /// Probable enough to be written into a rig.
     pub established: bool,
-    /// rms per channel \[SI\] after the vehicle's coefficients are refitted.
+    /// Effect size: rms of its part of the motion per channel, after the vehicle's coefficients are refitted \[SI\].
     pub weight: BTreeMap<String, f64>,
-    /// Weight above the rig's tolerance.
+    /// Whether it is practically significant: effect size above the rig's tolerance.
     pub matters: bool,
-    /// Law.
+    /// Whether its law is that of the library.
     pub law: Law,
     /// Probability that the law is the library's; absent where that was not asked.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -72,7 +82,7 @@ pub struct Effect {
     /// How a law that is not exact differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law_note: Option<String>,
-    /// Parameters by name.
+    /// Its parameters, SI.
     pub parameters: BTreeMap<String, Value>,
     /// Effects that this data cannot tell from it, all others as they are; of those that matter `equivalent`
     /// holds the complete sets.
@@ -84,11 +94,11 @@ pub struct Effect {
 }
 
 /// An effect that may be left out, at one place.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Candidate {
-    /// Id.
+    /// Id of the effect.
     pub effect: String,
-    /// Its words, e.g. dof.
+    /// Its parameters that are words, as `dof`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub words: BTreeMap<String, String>,
     /// Probability that it is in the model.
@@ -96,11 +106,11 @@ pub struct Candidate {
 }
 
 /// Where the mismatch acts.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Where {
     /// Stage of the heaviest effect.
     pub stage: Option<String>,
-    /// Degrees of freedom.
+    /// Degrees of freedom that the effects act in.
     pub dof: Vec<String>,
     /// Windows of the first run in which the model without effects misses by more than its noise \[s\].
     pub windows_s: Vec<[f64; 2]>,
@@ -113,7 +123,7 @@ pub struct Where {
 }
 
 /// Is there a mismatch at all?
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Test {
     /// What was tested.
     pub statistic: String,
@@ -130,24 +140,24 @@ pub struct Test {
 }
 
 /// rms per channel before and after.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct BeforeAfter {
-    /// Vehicle refitted, no effect.
+    /// The vehicle's coefficients refitted, without effects \[SI\].
     pub before: BTreeMap<String, f64>,
-    /// With the effects.
+    /// With the effects \[SI\].
     pub after: BTreeMap<String, f64>,
-    /// Noise floor.
+    /// Noise of the measurement \[SI\].
     pub noise: BTreeMap<String, f64>,
 }
 
 /// Fit and prediction.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct FitTable {
-    /// Runs fitted.
+    /// rms of the residuals per channel on the runs fitted.
     pub train: BeforeAfter,
-    /// Runs held out (or, without any, each run predicted by the others).
+    /// The same on the runs held out (or, without any, each run predicted by the others).
     pub held_out: BeforeAfter,
-    /// How the second was made.
+    /// What `held_out` is of, in words.
     pub held_out_by: String,
     /// Where a law is not quite the library's: rms on the runs held out of the rig file written, which can
     /// only hold the library's \[SI\].
@@ -156,13 +166,13 @@ pub struct FitTable {
 }
 
 /// The vehicle's own coefficients without and with the effects.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Parameters {
-    /// Without.
+    /// Without effects, SI.
     pub before: BTreeMap<String, Value>,
-    /// With, averaged over the sets in which the same matters.
+    /// With the effects, averaged over the sets in which the same matters.
     pub after: BTreeMap<String, Value>,
-    /// With, of the most probable set alone: what `--write-rig` writes, coefficients and effects of one fit.
+    /// With the effects, of the most probable set alone: what `--write-rig` writes, coefficients and effects of one fit.
     pub written: BTreeMap<String, Value>,
     /// The same for the effects' own parameters, by effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -170,7 +180,7 @@ pub struct Parameters {
 }
 
 /// Noise of a channel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NoiseFound {
     /// sd of one sample \[SI\].
     pub sd: f64,
@@ -185,22 +195,22 @@ pub struct NoiseFound {
 }
 
 /// Something wrong with the data.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct DataFault {
-    /// Kind.
+    /// Kind of fault.
     pub fault: String,
-    /// Channel.
+    /// Channel of the measurement that has it.
     pub channel: String,
-    /// Run.
+    /// Run that has it.
     pub run: String,
     /// What shows it.
     pub evidence: String,
-    /// Stops the diagnosis.
+    /// Whether it stops the diagnosis.
     pub fatal: bool,
 }
 
 /// An explanation and how it did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Alternative {
     /// Its effects.
     pub effects: Vec<String>,
@@ -216,7 +226,7 @@ pub struct Alternative {
 }
 
 /// One effect more, in the order of what they gain; the first one stands for none at all.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AblationStep {
     /// Added here; empty for the vehicle alone.
     pub effect: String,
@@ -227,7 +237,7 @@ pub struct AblationStep {
 }
 
 /// A force or change that nothing in the library explains.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
     /// Channel it shows in.
     pub channel: String,
@@ -245,7 +255,7 @@ pub struct Unexplained {
     pub knots: Vec<f64>,
     /// Force at each \[N, N m\].
     pub force_at: Vec<f64>,
-    /// sd of each.
+    /// Standard deviation of each \[N, N m\].
     pub force_sd: Vec<f64>,
     /// Log Bayes factor over none.
     pub log_bayes_factor: f64,
@@ -255,7 +265,7 @@ pub struct Unexplained {
 }
 
 /// A force of no known effect, written down as an expression of its variable.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct ClosedForm {
     /// One form is likely enough to be called the law.
     pub sure: bool,
@@ -278,7 +288,7 @@ pub struct ClosedForm {
 }
 
 /// One form.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct WrittenForm {
     /// As it is read, numbers with their sds.
     pub expression: String,
@@ -289,7 +299,7 @@ pub struct WrittenForm {
 }
 
 /// A piece of a form.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Piece {
     /// Form, as rig files name it.
     pub form: String,
@@ -298,7 +308,7 @@ pub struct Piece {
 }
 
 /// What to run next.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NextExperiment {
     /// Name of the plan.
     pub plan: String,
@@ -316,32 +326,32 @@ pub struct NextExperiment {
 }
 
 /// Everything.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Verdict {
-    /// One word.
+    /// The verdict in one word.
     pub verdict: Word,
-    /// One sentence.
+    /// The verdict in one sentence.
     pub sentence: String,
-    /// What was left out together, heaviest first.
+    /// The effects that the model left out, together; largest effect size first.
     pub effects: Vec<Effect>,
     /// Complete sets of what matters that this data cannot distinguish, most probable first.
     pub equivalent: Vec<Vec<String>>,
     /// Every effect with a probability of a hundredth and more, listed above or not.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<Candidate>,
-    /// Where.
+    /// Where the mismatch acts.
     #[serde(rename = "where")]
     pub place: Where,
-    /// Test.
+    /// Test of whether there is a mismatch at all.
     pub test: Test,
-    /// Fit.
+    /// How well the model fits and predicts, without and with the effects.
     pub fit: FitTable,
-    /// Coefficients.
+    /// The vehicle's coefficients, without and with the effects.
     pub parameters: Parameters,
     /// Coefficients at a limit or far from the rig's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub at_limit: Vec<String>,
-    /// These over the rig's.
+    /// Coefficients found over those of the rig.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub rig_factors: BTreeMap<String, Value>,
     /// Per DOF that moves the probability that a force of no known effect is worth more than the tolerance.
@@ -350,14 +360,14 @@ pub struct Verdict {
     /// Each run as the others predict it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_one_run_out: Option<BeforeAfter>,
-    /// What no data of this kind can show.
+    /// What is structurally not identifiable: no data of this kind can show it.
     pub blind_spots: Vec<String>,
     /// DOFs in which these runs do not show them, where an effect acts in one by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub blind_dofs: BTreeMap<String, Vec<String>>,
-    /// Next run.
+    /// The run that would say most next; `None` = none is needed, or none would.
     pub next_experiment: Option<NextExperiment>,
-    /// Noise per channel.
+    /// Noise of the measurement, per channel.
     pub noise: BTreeMap<String, NoiseFound>,
     /// Faults of the data.
     pub data_faults: Vec<DataFault>,

@@ -31,7 +31,7 @@ pub struct Pull {
 }
 
 /// A fitted curve.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Bollard {
     /// Names of the numbers below.
     pub order: Vec<String>,

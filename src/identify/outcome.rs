@@ -9,7 +9,7 @@ use super::problem::Objective;
 use super::uncertainty::Profile;
 
 /// One coefficient.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Estimate {
     /// As the paper writes it.
     pub symbol: String,
@@ -34,7 +34,7 @@ pub struct Estimate {
 }
 
 /// Noise of one slot.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct SlotNoise {
     /// Level and colour.
     #[serde(flatten)]
@@ -49,7 +49,7 @@ pub struct SlotNoise {
 }
 
 /// sd of a slot's samples as the logs say it, in the slot's unit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Logged {
     /// Median; the noise beside it is that of a sample with this sd.
     pub median_sd: f64,
@@ -62,7 +62,7 @@ pub struct Logged {
 }
 
 /// Whiteness of one run's residuals in one slot.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Residuals {
     /// Run.
     pub run: String,
@@ -80,7 +80,7 @@ pub struct Residuals {
 }
 
 /// A run predicted by the others.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct CrossValidation {
     /// Run left out.
     pub run: String,
@@ -93,7 +93,7 @@ pub struct CrossValidation {
 }
 
 /// What this data cannot show.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NotIdentifiable {
     /// Effect id or parameter name.
     pub what: String,
@@ -104,7 +104,7 @@ pub struct NotIdentifiable {
 }
 
 /// One run of the fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct RunSummary {
     /// Name.
     pub name: String,
@@ -153,7 +153,7 @@ impl Trace {
 }
 
 /// Everything a fit found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Identification {
     /// Equations: `surge` .. `yaw` (one DOF), `eq1` or `decoupled`.
     pub model: String,

@@ -24,7 +24,7 @@ pub const TABLE11_PRINTED_MM: [[f64; 3]; 3] =
     [[0.4, 1.1, 2.1], [17.5, 17.1, 42.7], [21.7, 55.5, 80.4]];
 
 /// One row of Table 11.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Table11Row {
     /// Condition.
     pub condition: String,

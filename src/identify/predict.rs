@@ -30,7 +30,7 @@ pub struct Identified {
 }
 
 /// Motion over time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Prediction {
     /// Names of the columns below.
     pub channels: [&'static str; 12],

@@ -12,7 +12,7 @@ use super::parameter::Free;
 use super::rest_noise::{Stretch, series};
 
 /// What is minimised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
     /// Half the sum of squared whitened residuals.

@@ -4,7 +4,7 @@ use hydroline_numerics::noise::{Noise, Series, estimate, mask, whitened_correlog
 use hydroline_numerics::statistics::{Correlogram, median};
 
 /// Noise of one channel as a stretch at rest measured it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct RestNoise {
     /// Level and colour, SI.
     #[serde(flatten)]

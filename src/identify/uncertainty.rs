@@ -126,7 +126,7 @@ pub fn profile(
 }
 
 /// Ends of a profile interval.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Profile {
     /// Lower end.
     pub low: f64,

@@ -24,7 +24,7 @@ pub use estimate::align;
 pub use problem::{Aligned, Problem};
 
 /// Where offset and drift come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum From {
     /// The caller.
@@ -47,7 +47,7 @@ impl From {
 }
 
 /// The second clock against the first.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Relation {
     /// Where it comes from.
     pub from: From,
@@ -128,7 +128,7 @@ pub enum JoinError {
 }
 
 /// What was written.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Joined {
     /// The clocks.
     pub relation: Relation,

@@ -51,7 +51,7 @@ pub enum ImportError {
 }
 
 /// What was left out, by kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Lost {
     /// Rows with too few or too many cells, without a time, or whose time does not advance.
     pub rows: usize,
@@ -69,7 +69,7 @@ impl Lost {
 }
 
 /// What was written.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct ImportOutcome {
     /// Motion samples.
     pub samples: usize,

@@ -226,7 +226,7 @@ impl From<&hydroline_core::event::Event> for Event {
         Self::new(
             event.timestamp_ns,
             event.severity,
-            event.kind,
+            event.kind.name,
             &event.message,
         )
     }

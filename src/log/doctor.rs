@@ -16,7 +16,7 @@ use super::scan::{self, Step};
 use checks::Checks;
 
 /// How bad a finding is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
     /// Worth knowing.
@@ -28,7 +28,7 @@ pub enum Grade {
 }
 
 /// One thing found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Finding {
     /// How bad.
     pub grade: Grade,
@@ -44,7 +44,7 @@ pub struct Finding {
 }
 
 /// Everything found.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Diagnosis {
     /// File.
     pub path: PathBuf,

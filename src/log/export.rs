@@ -23,7 +23,7 @@ pub struct ExportOptions {
 }
 
 /// What was written.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
 pub struct Exported {
     /// Rows by file.
     pub rows: BTreeMap<PathBuf, u64>,

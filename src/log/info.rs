@@ -12,7 +12,7 @@ use super::part::MetadataMap;
 use super::scan::{self, Step};
 
 /// How the file ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
     /// Whole, and its summary says the recording was stopped in order.
@@ -26,7 +26,7 @@ pub enum Ending {
 }
 
 /// One topic.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct TopicInfo {
     /// Topic.
     pub topic: String,
@@ -47,7 +47,7 @@ pub struct TopicInfo {
 }
 
 /// A log in numbers.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Info {
     /// File.
     pub path: PathBuf,

@@ -98,7 +98,7 @@ pub fn event_message(event: &Event) -> pb::Event {
     pb::Event {
         timestamp: Some(timestamp(event.timestamp_ns)),
         severity: severity.into(),
-        kind: event.kind.to_owned(),
+        kind: event.kind.name.to_owned(),
         message: event.message.clone(),
         values: event
             .values

@@ -14,7 +14,7 @@ use super::settings::{Head, PartOpener, WriteSettings};
 use super::time::LogTime;
 use super::writer::LogWriter;
 use hydroline_core::clock::Clock;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 use hydroline_core::frame::Frame;
 use hydroline_core::heartbeat::Heartbeat;
 
@@ -53,9 +53,6 @@ impl WeakRecorder {
         self.shared.upgrade().map(|shared| Recorder { shared })
     }
 }
-
-/// The capture's event that takes back losses which a frame before was marked with.
-const GAP_RETRACTED: &str = "camera.gap_retracted";
 
 impl Recorder {
     /// Creates the first file, makes its head durable, and starts the writer thread.
@@ -117,7 +114,8 @@ impl Recorder {
 
     /// What happened to the daemon.
     pub fn event(&self, event: &Event) {
-        if event.kind == GAP_RETRACTED {
+        // It takes back losses which a frame before was marked with.
+        if *event.kind == kind::CAMERA_GAP_RETRACTED {
             let taken_back = event.values.iter().find(|v| v.0 == "frames");
             let frames = taken_back.map_or(0, |v| v.1 as u64);
             let queue = &self.shared.queue;
@@ -178,7 +176,7 @@ impl Recorder {
                 let message = format!(
                     "the realtime clock was set by {step_s:+.3} s; stamps before and after do not compare"
                 );
-                let event = Event::new(clocks.realtime_ns, Severity::Warning, "clock.step", message)
+                let event = Event::new(clocks.realtime_ns, Severity::Warning, &kind::CLOCK_STEP, message)
                     .with("step_s", step_s);
                 queue.push(Queued { log_ns, entry: Entry::event(&event) });
             }
@@ -196,14 +194,14 @@ impl Recorder {
                         "the disk is too slow: {used:.0} MB wait in the queue, new frames are dropped"
                     );
                     let event =
-                        Event::new(clocks.realtime_ns, Severity::Error, "log.frames_dropped", message)
+                        Event::new(clocks.realtime_ns, Severity::Error, &kind::LOG_FRAMES_DROPPED, message)
                             .with("queue_mb", used);
                     queue.push(Queued { log_ns, entry: Entry::event(&event) });
                 }
                 Admission::QueuedAfterDrops { dropped } => {
                     let message = format!("the queue takes frames again; {dropped} were dropped");
                     let event =
-                        Event::new(clocks.realtime_ns, Severity::Error, "log.frames_dropped", message)
+                        Event::new(clocks.realtime_ns, Severity::Error, &kind::LOG_FRAMES_DROPPED, message)
                             .with("dropped", dropped as f64);
                     queue.push(Queued { log_ns, entry: Entry::event(&event) });
                 }

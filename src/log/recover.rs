@@ -30,7 +30,7 @@ use copy::{Copy, Digest};
 use ledger::Ledger;
 
 /// What was recovered and what was not.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Recovery {
     /// The original, untouched.
     pub input: PathBuf,

@@ -68,7 +68,7 @@ pub(super) fn in_channel(metadata: &MetadataMap) -> impl Iterator<Item = (&str, 
 }
 
 /// What the digests say of a map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SealState {
     /// It is not what was written.
@@ -80,7 +80,7 @@ pub enum SealState {
 }
 
 /// A map of which the digests do not say that it is as it was written.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct SealFinding {
     /// Name of the metadata.
     pub name: String,

@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use super::testing::{MemoryDisk, T0_NS, command, grey_frame};
 use super::*;
 use hydroline_core::clock::{Clock, ManualClock, SystemClock};
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 
 fn head() -> Head {
     Head {
@@ -112,9 +112,9 @@ fn the_same_input_gives_the_same_bytes() {
     let disks = [MemoryDisk::default(), MemoryDisk::default()];
     for disk in &disks {
         let mut log = FileRecorder::with_opener(disk.opener(), head(), offline()).unwrap();
-        let event = Event::new(T0_NS, Severity::Info, "camera.gap", "x")
-            .with("b", 1.0)
-            .with("a", 2.0);
+        let event = Event::new(T0_NS, Severity::Error, &kind::CAMERA_GAP, "x")
+            .with("sequence", 1.0)
+            .with("lost", 2.0);
         for i in 0..5 {
             log.write(T0_NS + i, &Entry::event(&event)).unwrap();
             log.write(T0_NS + i, &Entry::frame(&grey_frame(i as u32, 90, 50), i))
@@ -363,10 +363,10 @@ fn a_loss_that_was_taken_back_leaves_a_log_sound() {
     let reported = |lost, of_frame: f64| {
         let mut late = grey_frame(1, 16, 8);
         late.meta.lost_before.time_gap = lost;
-        let gap = Event::new(T0_NS, Severity::Error, "camera.gap", "lost")
+        let gap = Event::new(T0_NS, Severity::Error, &kind::CAMERA_GAP, "lost")
             .with("sequence", 1.0)
             .with("lost", f64::from(lost));
-        let back = Event::new(T0_NS, Severity::Info, "camera.gap_retracted", "late")
+        let back = Event::new(T0_NS, Severity::Info, &kind::CAMERA_GAP_RETRACTED, "late")
             .with("sequence", of_frame)
             .with("frames", 1.0);
         examined(
@@ -574,7 +574,7 @@ fn a_recording_that_broke_off_is_recovered_with_a_summary_of_what_is_left() {
         log.write(at_ns, &Entry::frame(&frame, u64::from(i)))
             .unwrap();
         if i == 21 {
-            let event = Event::new(at_ns, Severity::Info, "camera.gap_retracted", "late")
+            let event = Event::new(at_ns, Severity::Info, &kind::CAMERA_GAP_RETRACTED, "late")
                 .with("sequence", 21.0)
                 .with("frames", 1.0);
             log.write(at_ns, &Entry::event(&event)).unwrap();
@@ -671,7 +671,7 @@ fn command_numbers_are_missing_only_where_nobody_names_them() {
     let with = |unsent: Option<(f64, f64)>| {
         let mut entries = vec![Entry::command(&command(1)), Entry::command(&command(2))];
         if let Some((first, sets)) = unsent {
-            let event = Event::new(T0_NS, Severity::Warning, "thruster.unsent", "cut off")
+            let event = Event::new(T0_NS, Severity::Warning, &kind::THRUSTER_UNSENT, "cut off")
                 .with("sequence", first)
                 .with("sets", sets);
             entries.push(Entry::event(&event));

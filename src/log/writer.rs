@@ -14,7 +14,7 @@ use super::output::NameLost;
 use super::part::{Fault, PartFile};
 use super::settings::{Head, PartOpener, WriteSettings};
 use super::topic::Topic;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 
 /// Writes entries into one file after the other.
 pub struct LogWriter {
@@ -204,7 +204,7 @@ impl LogWriter {
         let event = Event::new(
             self.last_log_ns,
             Severity::Error,
-            "log.name_lost",
+            &kind::LOG_NAME_LOST,
             lost.to_string(),
         );
         self.own_event(now_ns, &event);
@@ -252,8 +252,13 @@ impl LogWriter {
                     self.own_entry(now_ns, entry);
                 }
                 let message = format!("the log goes on in part {number}");
-                let event = Event::new(self.last_log_ns, Severity::Info, "log.rotated", message)
-                    .with("part", f64::from(number));
+                let event = Event::new(
+                    self.last_log_ns,
+                    Severity::Info,
+                    &kind::LOG_ROTATED,
+                    message,
+                )
+                .with("part", f64::from(number));
                 self.own_event(now_ns, &event);
             }
             Err(error) => {
@@ -266,7 +271,7 @@ impl LogWriter {
                 let event = Event::new(
                     self.last_log_ns,
                     Severity::Warning,
-                    "log.rotation_failed",
+                    &kind::LOG_ROTATION_FAILED,
                     message,
                 );
                 self.own_event(now_ns, &event);
@@ -298,7 +303,7 @@ impl LogWriter {
             ..SummaryInput::clean(why.clone())
         };
         if matches!(fault, Fault::Full(_)) {
-            let event = Event::new(self.last_log_ns, Severity::Error, "disk.low", why);
+            let event = Event::new(self.last_log_ns, Severity::Error, &kind::DISK_LOW, why);
             // The tail's reserve has room for this one message.
             let sequence = self.sequences.get(&Topic::Event).copied().unwrap_or(0);
             part.write(now_ns, self.last_log_ns, &Entry::event(&event), |_| {

@@ -11,7 +11,9 @@ mod estimate;
 pub use estimate::{OUTLIER_SD, Series, estimate, mask, whitened_correlogram};
 
 /// White noise plus an Ornstein-Uhlenbeck process, in the unit of what is measured.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
+)]
 pub struct Noise {
     /// White part.
     pub white_sd: f64,

@@ -17,7 +17,7 @@ const OFF: &str = "stripe off the lit target";
 const COAST_S: f64 = 5.0;
 
 /// Smallest and largest value of something over the plan.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Range {
     /// What, with its unit in the name.
     pub name: String,
@@ -28,7 +28,7 @@ pub struct Range {
 }
 
 /// Something a plan does that it must not.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Violation {
     /// When it first happens \[s\].
     pub at_s: f64,
@@ -43,7 +43,7 @@ impl std::fmt::Display for Violation {
 }
 
 /// What a plan will do, by the rig's model.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Preflight {
     /// Length of the plan \[s\].
     pub duration_s: f64,
@@ -64,7 +64,7 @@ pub struct Preflight {
 }
 
 /// The vehicle at the start of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct RunStart {
     /// Pose in the tank \[m, rad\].
     pub pose: [f64; 6],

@@ -13,7 +13,7 @@ use hydroline_identify::{ModelChoice, Options, identify};
 use hydroline_pose::Pose;
 
 /// One DOF by one estimator.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct DofRow {
     /// `sway` .. `yaw`.
     pub dof: String,

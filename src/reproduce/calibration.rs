@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt;
 
 /// One map in one case.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct CalibrationRow {
     /// Method as `--method` takes it.
     pub method: &'static str,
@@ -31,7 +31,7 @@ pub struct CalibrationRow {
 }
 
 /// The largest error over the sheet with nodes ±0.2 px, over many boards.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct LargestErrors {
     /// Map and what the camera looks through.
     pub what: &'static str,
@@ -62,7 +62,7 @@ const SEEDS: u32 = 100;
 const POINTS: usize = 4000;
 
 /// The whole table.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct CalibrationStudy {
     /// Seed of nodes and points.
     pub seed: u64,

@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use serde::Serialize;
 
 /// One cell of Table 4 or 5.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Disturbed {
     /// Formula.
     pub motion: Motion,
@@ -30,7 +30,7 @@ pub struct Disturbed {
 }
 
 /// Joint pose under all disturbances at once.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct JointAccuracy {
     /// Frames.
     pub frames: usize,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use std::fmt::Write;
 
 /// One curve or cloud.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Series {
     /// What it is.
     pub name: String,
@@ -16,7 +16,7 @@ pub struct Series {
 }
 
 /// A diagram.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Figure {
     /// Title.
     pub title: String,

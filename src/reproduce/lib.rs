@@ -29,7 +29,7 @@ use hydroline_rigs::RigError;
 use hydroline_sim::SceneError;
 
 /// The six decoupled motions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
     /// x.

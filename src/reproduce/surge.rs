@@ -29,7 +29,7 @@ const TURN_RAD: f64 = 0.02;
 const COEFFICIENTS_OFF: f64 = 1.2;
 
 /// What is added to the motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Disturbance {
     /// Nothing.
@@ -50,7 +50,7 @@ impl Disturbance {
 }
 
 /// One of the six runs. Errors are the greatest along the path, of the displacement from the first frame.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct SurgeRun {
     /// X \[N\].
     pub thrust_n: f64,

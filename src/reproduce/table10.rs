@@ -22,7 +22,7 @@ pub const TABLE7: [[(f64, f64); 2]; 3] = [
 ];
 
 /// How positions become coefficients, under one condition.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
     /// `surge only`, `with pitch`, `with pitch and yaw`.
     pub condition: String,

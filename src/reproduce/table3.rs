@@ -10,7 +10,7 @@ use serde::Serialize;
 const CORNER_M: f64 = 0.008;
 
 /// One row of the table, errors in mm or degrees.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
     /// Motion.
     pub motion: Motion,

@@ -149,7 +149,7 @@ impl Bench {
                     None
                 }
             })
-            .filter(|e| e.kind == kind)
+            .filter(|e| *e.kind == *kind)
             .collect()
     }
 

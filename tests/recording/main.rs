@@ -10,6 +10,7 @@ mod cli_build_info;
 mod cli_errors;
 mod flat;
 mod formats;
+mod guide_reference;
 mod import_logs;
 mod join;
 mod live_page;

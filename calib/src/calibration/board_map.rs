@@ -19,7 +19,7 @@ const BORDER_PX: f64 = 1e-3;
 ///
 /// The board says where things are on the board; where the board hangs below the laser
 /// must be measured. An error here shifts everything alike and changes no length.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
     /// ξ of the board's middle \[m\].

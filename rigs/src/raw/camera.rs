@@ -41,7 +41,7 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
     let controls = read_controls(s);
     let noise = read_noise(&s.table_or_default("noise"));
     let response = read_response(s);
-    let seed = s.integer_opt("seed", 0, i64::MAX, "").unwrap_or(1) as u64;
+    let seed = s.integer_or("seed", [0, i64::MAX], "", 1) as u64;
     // Unplugging is to be noticed within 0.5 s, unless frames are rarer than that.
     let default_frozen_s = (3.0 / rate_fps.unwrap_or(25.0)).max(0.5);
     let frozen_after_s = s.number_or(
@@ -49,6 +49,7 @@ pub(super) fn read_camera(s: &Section<'_>) -> Option<Camera> {
         quantity(0.01, 600.0, "s"),
         default_frozen_s,
     );
+    s.default_is("frozen_after_s", "3 frame periods, at least 0.5");
 
     if let (Some(rate), Some(exposure)) = (rate_fps, exposure_s) {
         if exposure > 1.0 / rate {
@@ -125,7 +126,7 @@ fn read_bits(s: &Section<'_>, format: Option<PixelFormat>) -> Option<Option<u8>>
         s.item("bits");
         return Some(None);
     }
-    let bits = s.integer("bits", 8, 16, "bits")? as u8;
+    let bits = s.integer_opt("bits", 8, 16, "bits")? as u8;
     match format {
         Some(format) if format.bits() != 16 && format.bits() != bits => {
             s.rule(
@@ -149,7 +150,7 @@ fn read_yuv_range(s: &Section<'_>, format: Option<PixelFormat>) -> Option<Option
         s.item("yuv_range");
         return Some(None);
     }
-    let range = s.choice("yuv_range", &YuvRange::ALL)?;
+    let range = s.choice_opt("yuv_range", &YuvRange::ALL)?;
     match format {
         Some(format) if !format.is_yuv() => {
             s.rule(

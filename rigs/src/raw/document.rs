@@ -7,6 +7,7 @@ use std::path::Path;
 
 use toml::de::DeTable;
 
+use super::Asked;
 use super::Section;
 use crate::bounded;
 use crate::error::{Problem, ProblemKind, RigError};
@@ -62,11 +63,32 @@ impl<'d> Document<'d> {
 
 /// Everything found wrong so far.
 #[derive(Default)]
-pub(crate) struct Problems(RefCell<Vec<Problem>>);
+pub(crate) struct Problems {
+    found: RefCell<Vec<Problem>>,
+    /// Which keys were asked for, where somebody wants to know.
+    asked: Option<RefCell<Vec<Asked>>>,
+}
 
 impl Problems {
+    /// One that also notes which keys are asked for.
+    pub(crate) fn listening() -> Problems {
+        Problems {
+            asked: Some(RefCell::default()),
+            ..Problems::default()
+        }
+    }
+
+    pub(super) fn asked(&self) -> Option<&RefCell<Vec<Asked>>> {
+        self.asked.as_ref()
+    }
+
+    /// Which keys were asked for.
+    pub(crate) fn into_asked(self) -> Vec<Asked> {
+        self.asked.map(RefCell::into_inner).unwrap_or_default()
+    }
+
     pub(crate) fn push(&self, file: &str, line: Option<usize>, key: String, kind: ProblemKind) {
-        self.0.borrow_mut().push(Problem {
+        self.found.borrow_mut().push(Problem {
             file: file.to_owned(),
             line,
             key,
@@ -76,7 +98,7 @@ impl Problems {
 
     /// The value, if nothing at all was wrong; otherwise every problem, by line.
     pub(crate) fn finish<T>(self, file: &str, value: Option<T>) -> Result<T, RigError> {
-        let mut problems = self.0.into_inner();
+        let mut problems = self.found.into_inner();
         if problems.is_empty() {
             if let Some(value) = value {
                 return Ok(value);

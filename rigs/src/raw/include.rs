@@ -81,6 +81,7 @@ enum Source<'d> {
 }
 
 fn source<'d>(root: &Section<'d>, key: &str) -> Option<Option<Source<'d>>> {
+    root.asks_for(key, "table", "");
     let Some(item) = root.item(key) else {
         return Some(None);
     };
@@ -94,6 +95,11 @@ fn source<'d>(root: &Section<'d>, key: &str) -> Option<Option<Source<'d>>> {
         );
         return None;
     };
+    section.asks_for(
+        "file",
+        "text",
+        "the path of a file beside the rig, or `\"builtin:NAME\"`",
+    );
     if section.has("file") {
         let (file, _) = section.text_opt("file", "the path of a file")?;
         return Some(Some(Source::File(file, Some(section))));

@@ -21,12 +21,14 @@ pub(super) fn read_laser(s: &Section<'_>, format: Option<PixelFormat>) -> Option
         );
     }
     let channel = match s.has("channel") {
-        true => s.choice("channel", &Channel::ALL),
+        true => s.choice_opt("channel", &Channel::ALL),
         false => {
             s.item("channel");
             Some(Channel::Luma)
         }
     };
+    s.default_is("channel", Channel::Luma.name());
+    s.default_is("orientation", "horizontal");
     if let (Some(channel), Some(format)) = (channel, format)
         && channel != Channel::Luma
         && !format.has_colour()

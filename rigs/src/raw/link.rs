@@ -50,6 +50,8 @@ fn read_port(s: &Section<'_>) -> Option<LinkPort> {
     let expected =
         "\"sim\" or the adapter's stable name, `/dev/serial/by-id/…` or `/dev/serial/by-path/…`";
     let allow_node = s.flag_or("allow_unstable_node", false);
+    s.asks_for("port", "text", expected);
+    s.requires("port");
     if !s.has("port") {
         s.item("port");
         s.missing("port", format!("`port = …`, {expected}"));

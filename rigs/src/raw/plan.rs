@@ -11,6 +11,7 @@ pub(crate) fn read_plan(root: &Section<'_>, stem: &str) -> Option<Plan> {
         root.item("name");
         Some(stem.to_owned())
     };
+    root.default_is("name", "the file's name");
     let entries = root.tables("step", 10_000);
     if entries.is_empty() {
         root.missing(
@@ -106,6 +107,7 @@ fn read_shape(s: &Section<'_>) -> Option<Shape> {
         }
         return None;
     }
+    s.default_is("shape", "hold");
     let word = typed.unwrap_or(Word::Hold);
     for (key, owner) in [
         ("period_s", Word::Sine),

@@ -54,6 +54,16 @@ impl Quantity {
             }
     }
 
+    pub(crate) fn unit(&self) -> &'static str {
+        self.unit
+    }
+
+    /// The range in short, for a table.
+    pub(crate) fn interval(&self) -> String {
+        let above = if self.min_excluded { "above " } else { "" };
+        format!("{above}{} to {}", short(self.min), short(self.max))
+    }
+
     /// Advice to append to a message: empty or `. advice`.
     pub(crate) fn advice(&self) -> String {
         if self.hint.is_empty() {
@@ -61,6 +71,16 @@ impl Quantity {
         } else {
             format!(". {}", self.hint)
         }
+    }
+}
+
+/// Large and small numbers as powers of ten.
+fn short(number: f64) -> String {
+    let size = number.abs();
+    if size != 0.0 && !(1e-3..1e6).contains(&size) {
+        format!("{number:e}")
+    } else {
+        number.to_string()
     }
 }
 

@@ -71,6 +71,8 @@ fn read_source(s: &Section<'_>) -> Option<String> {
     let expected = format!(
         "a text of 1 to {SOURCE_MOST} letters that says where these numbers come from, like \"data sheet\" or \"hydroline flat, 2026-11-26\""
     );
+    s.asks_for("source", "text", &expected);
+    s.requires("source");
     if !s.has("source") {
         s.item("source");
         s.missing("source", format!("`source = \"…\"`, {expected}"));

@@ -72,6 +72,11 @@ impl<'d> Section<'d> {
         }
     }
 
+    /// The file's name.
+    pub(super) fn file(&self) -> &'d str {
+        self.document.file
+    }
+
     /// Where problems of this file go.
     pub(crate) fn problems(&self) -> &'d Problems {
         self.problems
@@ -105,6 +110,7 @@ impl<'d> Section<'d> {
                 known.push(key.to_owned());
             }
         }
+        self.asks(key);
         self.lookup(key)
     }
 
@@ -132,7 +138,11 @@ impl<'d> Section<'d> {
         keys.sort_unstable();
         keys.into_iter()
             .take(MOST_KEYS)
-            .filter_map(|(_, key)| self.item(key).map(|item| (key.to_owned(), item)))
+            .filter_map(|(_, key)| {
+                // Free names: they are none of the file's keys.
+                self.known.borrow_mut().push(key.to_owned());
+                self.lookup(key).map(|item| (key.to_owned(), item))
+            })
             .collect()
     }
 
@@ -216,6 +226,7 @@ impl<'d> Section<'d> {
 
     /// A table that may be omitted (all its keys then take their defaults).
     pub(crate) fn table_or_default(&self, key: &str) -> Section<'d> {
+        self.asks_for(key, "table", "");
         let mut section = match self.item(key) {
             Some(item) => match item.value.as_table() {
                 Some(table) => self.child(item.path, Some(item.span), Some(table)),
@@ -244,6 +255,7 @@ impl<'d> Section<'d> {
 
     /// The entries of `[[key]]`, at most `most` of them.
     pub(crate) fn tables(&self, key: &str, most: usize) -> Vec<Section<'d>> {
+        self.asks_for(key, "table", "");
         let Some(item) = self.item(key) else {
             return Vec::new();
         };

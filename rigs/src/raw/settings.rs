@@ -7,6 +7,7 @@ pub(super) fn read_tank(s: &Section<'_>) -> Option<Tank> {
     let length = quantity(-1000.0, 1000.0, "m");
     let n_water = s.number_or("n_water", quantity(1.0, 1.6, ""), 1.0);
     let wall = |key: &str| {
+        s.requires(key);
         let interval = s.interval_opt(key, length);
         if interval.is_none() && !s.has(key) {
             s.missing(
@@ -48,6 +49,9 @@ pub(super) fn read_tank(s: &Section<'_>) -> Option<Tank> {
 fn read_attitude(s: &Section<'_>) -> Option<[f64; 3]> {
     let allowed = quantity(-360.0, 360.0, "deg");
     let (rad, deg) = ("start_attitude_rad", "start_attitude_deg");
+    s.asks_number(rad, "3 numbers", &allowed.deg_to_rad());
+    s.asks_number(deg, "3 numbers", &allowed);
+    s.default_is(deg, "level");
     if s.has(rad) && s.has(deg) {
         s.item(rad);
         s.item(deg);
@@ -60,16 +64,19 @@ fn read_attitude(s: &Section<'_>) -> Option<[f64; 3]> {
     }
     if s.has(deg) {
         s.item(rad);
-        let angles: Option<[f64; 3]> = s.numbers(deg, allowed);
+        let angles: Option<[f64; 3]> = s.numbers_opt(deg, allowed);
         return angles.map(|a| a.map(f64::to_radians));
     }
     s.item(deg);
     if s.has(rad) {
-        return s.numbers(rad, allowed.deg_to_rad());
+        return s.numbers_opt(rad, allowed.deg_to_rad());
     }
     s.item(rad);
     Some([0.0; 3])
 }
+
+/// Largest roll and pitch where the rig says none.
+const ATTITUDE_DEG: f64 = 30.0;
 
 /// Where a run is stopped. Without `[limits]`: the tank itself and 30 deg.
 pub(super) fn read_limits(s: &Section<'_>, tank: Option<&Tank>) -> Option<Limits> {
@@ -79,6 +86,8 @@ pub(super) fn read_limits(s: &Section<'_>, tank: Option<&Tank>) -> Option<Limits
     let attitude_typed = s.angle_opt("attitude", quantity(0.0, 180.0, "deg").above());
     let attitude_sound =
         attitude_typed.is_some() || !(s.has("attitude_rad") || s.has("attitude_deg"));
+    keys.iter().for_each(|key| s.default_is(key, "the tank's"));
+    s.default_is("attitude_deg", ATTITUDE_DEG);
     s.finish();
     let tank = tank?;
     let walls = [tank.x_m, tank.y_m, [-tank.depth_m, 0.0]];
@@ -112,15 +121,13 @@ pub(super) fn read_limits(s: &Section<'_>, tank: Option<&Tank>) -> Option<Limits
         x_m: intervals[0],
         y_m: intervals[1],
         z_m: intervals[2],
-        attitude_rad: attitude_typed.unwrap_or(30_f64.to_radians()),
+        attitude_rad: attitude_typed.unwrap_or(ATTITUDE_DEG.to_radians()),
     })
 }
 
 pub(super) fn read_tolerance(s: &Section<'_>) -> Option<Tolerance> {
     let position_m = s.number_or("position_m", quantity(0.0, 10.0, "m").above(), 0.002);
-    let attitude_rad = s
-        .angle_opt("attitude", quantity(0.0, 90.0, "deg").above())
-        .unwrap_or(0.1_f64.to_radians());
+    let attitude_rad = s.angle_or("attitude", quantity(0.0, 90.0, "deg").above(), 0.1);
     let speed_mps = s.number_or("speed_mps", quantity(0.0, 10.0, "m/s").above(), 0.002);
     let rate_radps = s.number_or(
         "rate_radps",
@@ -139,7 +146,7 @@ pub(super) fn read_tolerance(s: &Section<'_>) -> Option<Tolerance> {
 pub(super) fn read_log(s: &Section<'_>) -> Option<LogSettings> {
     const MIB: i64 = 1 << 20;
     let bytes = |key: &str, min: i64, max: i64, default: i64| {
-        s.integer_opt(key, min, max, "bytes").unwrap_or(default) as u64
+        s.integer_or(key, [min, max], "bytes", default) as u64
     };
     let log = LogSettings {
         queue_bytes: bytes("queue_bytes", MIB, 1 << 40, 256 * MIB),
@@ -149,7 +156,7 @@ pub(super) fn read_log(s: &Section<'_>) -> Option<LogSettings> {
         sync_s: s.number_or("sync_s", quantity(0.1, 600.0, "s"), 2.0),
         rotate_bytes: bytes("rotate_bytes", 0, i64::MAX, 0),
         min_free_bytes: bytes("min_free_bytes", 0, i64::MAX, 512 * MIB),
-        zstd_level: s.integer_opt("zstd_level", 0, 19, "").unwrap_or(1) as u32,
+        zstd_level: s.integer_or("zstd_level", [0, 19], "", 1) as u32,
     };
     s.finish();
     if log.chunk_bytes > log.queue_bytes {

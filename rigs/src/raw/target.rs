@@ -127,6 +127,12 @@ fn read_slab(s: &Section<'_>) -> Option<Slab> {
 
 fn read_polygon(s: &Section<'_>) -> Option<SlabOutline> {
     let expected = "a list of 3 to 1000 corners [x, y] in m";
+    s.asks_number(
+        "points_m",
+        "corners [x, y]",
+        &quantity(-1000.0, 1000.0, "m"),
+    );
+    s.requires("points_m");
     let Some(item) = s.item("points_m") else {
         s.missing("points_m", format!("`points_m = [[x, y], …]`, {expected}"));
         return None;

@@ -12,6 +12,12 @@ const NEUTRAL_THRUST_N: f64 = 0.05;
 /// anything farther off is a mistake.
 const UNIT_TOLERANCE: f64 = 0.01;
 
+/// Type and allowed values of a thrust curve, in short.
+const CURVE: (&str, &str) = (
+    "points [us, N]",
+    "at least two, pulses 500 to 2500 rising, thrusts -10000 to 10000 never falling; from `min_us` to `max_us`, no thrust at `neutral_us`",
+);
+
 struct PulseLimits {
     neutral_us: f64,
     min_us: f64,
@@ -45,6 +51,7 @@ pub(super) fn read_thrusters(root: &Section<'_>) -> Option<ThrusterSet> {
     }
     let max_slew_us_per_s =
         set.number_or("max_slew_us_per_s", quantity(1.0, 1e6, "us/s"), 10_000.0);
+    set.asks_for("curve", CURVE.0, CURVE.1);
     let shared = set
         .item("curve")
         .map(|item| read_curve(&set, &item, &limits));
@@ -111,6 +118,14 @@ pub(super) fn read_bollard(root: &Section<'_>) -> Option<Option<BollardPull>> {
     let voltage_v = s.number_or("voltage_v", quantity(0.0, 1000.0, "V"), 0.0);
     let scatter_n = s.number_or("scatter_n", quantity(0.0, 1e4, "N"), 0.0);
     let pulses = "the list of the curve's pulses [us]";
+    s.asks_number("pulse_us", "numbers", &quantity(500.0, 2500.0, "us"));
+    s.requires("pulse_us");
+    s.asks_number(
+        "covariance_n2",
+        "rows of numbers",
+        &quantity(-1e8, 1e8, "N2"),
+    );
+    s.requires("covariance_n2");
     let pulse_us = match s.item("pulse_us") {
         Some(item) => row(&s, &item, pulses, quantity(500.0, 2500.0, "us")),
         None => {
@@ -160,6 +175,8 @@ fn read_thruster(
     let channel = s.integer("channel", 0, 23, "").map(|c| c as u8);
     let position_m = s.numbers("position_m", quantity(-50.0, 50.0, "m"));
     let direction = read_direction(s);
+    s.asks_for("curve", CURVE.0, CURVE.1);
+    s.default_is("curve", "`thrusters.curve`");
     let curve = match (s.item("curve"), shared) {
         (Some(item), _) => read_curve(s, &item, limits),
         // A shared curve that is wrong was reported where it stands.

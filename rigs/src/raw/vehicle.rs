@@ -19,6 +19,7 @@ pub(super) fn read_vehicle(s: &Section<'_>) -> Option<Vehicle> {
             ("decoupled", VehicleModel::Decoupled),
         ],
     );
+    s.default_is("model", "eq1");
     let model_sound = model.is_some() || !s.has("model");
     let mass_kg = s.number("mass_kg", quantity(0.0, 1e6, "kg").above());
     let inertia_kgm2 = s.numbers("inertia_kgm2", quantity(0.0, 1e9, "kg m2").above());
@@ -48,6 +49,8 @@ pub(super) fn read_identified(root: &Section<'_>) -> Option<Option<Identified>> 
     }
     let s = root.table("identified");
     let names = "the list of coefficients, e.g. [\"x_udot\", \"x_u\"]";
+    s.asks_for("coefficients", "texts", names);
+    s.requires("coefficients");
     let coefficients: Option<Vec<String>> = match s.item("coefficients") {
         Some(item) => s
             .elements(&item, names)
@@ -58,6 +61,12 @@ pub(super) fn read_identified(root: &Section<'_>) -> Option<Option<Identified>> 
         }
     };
     let any = || quantity(-1e15, 1e15, "SI");
+    s.asks_number("values", "numbers", &any());
+    s.requires("values");
+    s.asks_number("sd", "numbers", &quantity(0.0, 1e15, "SI"));
+    s.requires("sd");
+    s.asks_number("covariance", "rows of numbers", &any());
+    s.requires("covariance");
     let list = |key: &str, expected: &str| match s.item(key) {
         Some(item) => row(&s, &item, expected, any()),
         None => {

@@ -32,6 +32,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[WordInfo {
         name: "axis",
+        meaning: "angle that is disturbed",
         allowed: &["roll", "pitch", "yaw"],
         absent: Some("pitch"),
     }],

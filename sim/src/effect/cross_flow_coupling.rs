@@ -26,11 +26,13 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         },
         WordInfo {
             name: "a",
+            meaning: "first of the two rates",
             allowed: RATES,
             absent: Some("u"),
         },
         WordInfo {
             name: "b",
+            meaning: "second of the two rates",
             allowed: RATES,
             absent: Some("r"),
         },

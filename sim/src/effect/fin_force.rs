@@ -53,6 +53,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         DOF,
         WordInfo {
             name: "fin",
+            meaning: "fin whose measured angle it is",
             allowed: &["rudder", "elevator"],
             absent: Some("rudder"),
         },

@@ -84,6 +84,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         DOF,
         WordInfo {
             name: "along",
+            meaning: "quantity over which the table of forces is",
             allowed: COVARIATES,
             absent: Some("x"),
         },

@@ -110,6 +110,8 @@ impl ParameterInfo {
 pub struct WordInfo {
     /// Name in rig files.
     pub name: &'static str,
+    /// What it says.
+    pub meaning: &'static str,
     /// Words it accepts.
     pub allowed: &'static [&'static str],
     /// Word when it is not given; `None`: it must be given.
@@ -168,6 +170,7 @@ const DOF_WORDS: &[&str] = &["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// The usual `dof` word: surge when not given.
 pub(super) const DOF: WordInfo = WordInfo {
     name: "dof",
+    meaning: "degree of freedom that it acts in",
     allowed: DOF_WORDS,
     absent: Some("surge"),
 };

@@ -19,6 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[WordInfo {
         name: "dof",
+        meaning: "degree of freedom that it acts in",
         allowed: &["roll", "pitch"],
         absent: Some("roll"),
     }],

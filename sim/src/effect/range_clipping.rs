@@ -30,6 +30,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     words: &[WordInfo {
         name: "how",
+        meaning: "whether levels are clipped to the range or scaled into it",
         allowed: &["clip", "scale"],
         absent: Some("clip"),
     }],

@@ -18,6 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     words: &[WordInfo {
         name: "axis",
+        meaning: "moment that surge thrust makes",
         allowed: &["pitch", "yaw"],
         absent: Some("pitch"),
     }],

@@ -80,21 +80,25 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         DOF,
         WordInfo {
             name: "along",
+            meaning: "quantity that the force is a function of",
             allowed: COVARIATES,
             absent: None,
         },
         WordInfo {
             name: "first",
+            meaning: "form of the first piece",
             allowed: FORMS,
             absent: None,
         },
         WordInfo {
             name: "second",
+            meaning: "form of the second piece",
             allowed: FORMS,
             absent: Some("none"),
         },
         WordInfo {
             name: "times",
+            meaning: "rate by which the force is multiplied",
             allowed: TIMES,
             absent: Some("one"),
         },

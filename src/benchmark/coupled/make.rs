@@ -39,7 +39,7 @@ const MOST: f64 = 40.0;
 const TRIES: usize = 40;
 
 /// An effect that is there.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct There {
     /// Effect and words.
     pub name: String,
@@ -57,7 +57,9 @@ impl There {
 }
 
 /// What a case's log holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Instruments {
     /// Poses.

@@ -8,7 +8,9 @@ use crate::case::{DELAYS, Truth};
 const HALF: f64 = 0.5;
 
 /// Effect by effect.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
+)]
 pub struct Tally {
     /// (effect, weight \[m\], practical size, found or in a set, weight found \[m\]) of what is there.
     pub there: Vec<(String, f64, bool, bool, Option<f64>)>,
@@ -22,7 +24,7 @@ pub struct Tally {
 }
 
 /// A set of which the data show the sum, and what was found of it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct SumFound {
     /// There, all of them.
     pub effects: Vec<String>,

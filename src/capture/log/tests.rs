@@ -1,6 +1,6 @@
 use super::*;
 use hydroline_core::clock::ManualClock;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 use hydroline_core::frame::{FrameFault, LossBefore};
 use hydroline_core::synthetic::{T0_NS, grey_frame};
 use hydroline_log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
@@ -37,7 +37,7 @@ fn write(path: &Path, frames: &[Frame]) {
     for (index, frame) in frames.iter().enumerate() {
         let at_ns = frame.meta.mid_exposure_ns + 5_000_000;
         if frame.meta.lost_before.time_gap > 0 {
-            let event = Event::new(at_ns, Severity::Error, "camera.unplugged", "gone");
+            let event = Event::new(at_ns, Severity::Error, &kind::CAMERA_UNPLUGGED, "gone");
             log.write(at_ns, &Entry::event(&event)).unwrap();
         }
         log.write(at_ns, &Entry::frame(frame, index as u64))

@@ -92,7 +92,7 @@ pub struct BufferInfo {
 }
 
 /// A frame size the device offers, with its rates.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct OfferedSize {
     /// Four characters.
     pub fourcc: String,

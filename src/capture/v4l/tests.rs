@@ -77,7 +77,7 @@ struct Record {
 
 impl Record {
     fn events(&self, kind: &str) -> Vec<&Event> {
-        self.events.iter().filter(|e| e.kind == kind).collect()
+        self.events.iter().filter(|e| *e.kind == *kind).collect()
     }
 
     fn number(&self, kind: &str, name: &str) -> f64 {
@@ -162,7 +162,7 @@ fn a_healthy_camera() {
         .collect();
     assert_eq!(stale, [0, 1]);
     assert!(
-        r.events.iter().all(|e| e.kind == "camera.counts"),
+        r.events.iter().all(|e| *e.kind == *"camera.counts"),
         "{:?}",
         r.events
     );

@@ -8,7 +8,7 @@ use crate::ControlReading;
 use crate::gaps::{Note, Pause};
 use crate::queue::Notice;
 use hydroline_core::clock::ClockTriple;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 use hydroline_core::frame::{FrameFault, LossBefore};
 
 /// 0 = the moment it is said.
@@ -33,17 +33,17 @@ impl Said {
         let (said, kind, what) = match placed.trouble? {
             Trouble::Undeclared => (
                 &mut self.undeclared,
-                "camera.stamp_clock_unknown",
+                &kind::CAMERA_STAMP_CLOCK_UNKNOWN,
                 "the driver does not say which clock it stamps with; near CLOCK_MONOTONIC, so taken for it",
             ),
             Trouble::Future => (
                 &mut self.future,
-                "camera.stamp_in_future",
+                &kind::CAMERA_STAMP_IN_FUTURE,
                 "the driver stamps frames later than they arrive; kept, but all times of this camera are off by at least that",
             ),
             Trouble::Implausible => (
                 &mut self.implausible,
-                "camera.stamp_implausible",
+                &kind::CAMERA_STAMP_IMPLAUSIBLE,
                 "the driver's stamp is not near CLOCK_MONOTONIC; the time of arrival is used instead",
             ),
         };
@@ -75,7 +75,7 @@ pub(super) fn interlaced(field: &str) -> Event {
     Event::new(
         NOW,
         Severity::Warning,
-        "camera.interlaced",
+        &kind::CAMERA_INTERLACED,
         format!(
             "the camera delivers {field} frames: odd and even rows are half a period apart, a moving stripe is split between them"
         ),
@@ -93,7 +93,7 @@ pub(super) fn damaged(at_ns: u64, fault: FrameFault, info: &BufferInfo, full_byt
         "frame {} {what} ({} of at most {full_bytes} bytes); kept, excluded from analysis",
         info.sequence, info.bytes_used
     );
-    Event::new(at_ns, Severity::Warning, "camera.error_frame", message)
+    Event::new(at_ns, Severity::Warning, &kind::CAMERA_ERROR_FRAME, message)
         .with("sequence", f64::from(info.sequence))
         .with("bytes_used", f64::from(info.bytes_used))
 }
@@ -104,7 +104,7 @@ pub(super) fn gap(at_ns: u64, sequence: u32, lost: LossBefore, period_s: f64) ->
         "{total} frame(s) lost before frame {sequence}: {} missing in the driver's sequence, {} dropped by the device without one",
         lost.sequence_gap, lost.time_gap
     );
-    Event::new(at_ns, Severity::Error, "camera.gap", message)
+    Event::new(at_ns, Severity::Error, &kind::CAMERA_GAP, message)
         .with("sequence", f64::from(sequence))
         .with("lost", f64::from(total))
         .with("sequence_gap", f64::from(lost.sequence_gap))
@@ -117,7 +117,7 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         Note::RateChanged { from_period_s, to_period_s } => Event::new(
             at_ns,
             Severity::Warning,
-            "camera.rate_changed",
+            &kind::CAMERA_RATE_CHANGED,
             format!("the frame rate went from {:.3} to {:.3} frames/s (automatic exposure?)", 1.0 / from_period_s, 1.0 / to_period_s),
         )
         .with("from_fps", 1.0 / from_period_s)
@@ -125,7 +125,7 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         Note::Renumbered { from, to } => Event::new(
             at_ns,
             Severity::Warning,
-            "camera.renumbered",
+            &kind::CAMERA_RENUMBERED,
             format!("the driver's sequence went from {from} to {to}, which the time does not explain; losses here are counted by time"),
         )
         .with("from", f64::from(*from))
@@ -133,7 +133,7 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         Note::Retracted { sequence, frames } => Event::new(
             at_ns,
             Severity::Info,
-            "camera.gap_retracted",
+            &kind::CAMERA_GAP_RETRACTED,
             format!("{frames} of the frame(s) marked lost before frame {sequence} were not lost there: it was late, or the rate had changed; the account is corrected"),
         )
         .with("sequence", f64::from(*sequence))
@@ -141,14 +141,14 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         Note::Repeated { sequence } => Event::new(
             at_ns,
             Severity::Warning,
-            "camera.repeated",
+            &kind::CAMERA_REPEATED,
             format!("frame {sequence} came twice in one period: the second is kept, marked stale, and not counted"),
         )
         .with("sequence", f64::from(*sequence)),
         Note::Leftover { sequence } => Event::new(
             at_ns,
             Severity::Info,
-            "camera.leftover",
+            &kind::CAMERA_LEFTOVER,
             format!("the first frame ({sequence}) was left over from before the start: kept, but neither received nor lost"),
         ),
         Note::Resumed { pause, gap_s, lost } => {
@@ -160,7 +160,7 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
             Event::new(
                 at_ns,
                 Severity::Info,
-                "camera.resumed",
+                &kind::CAMERA_RESUMED,
                 format!("frames again after {why}: {gap_s:.3} s without one, {lost} periods lost"),
             )
             .with("gap_s", *gap_s)
@@ -169,12 +169,12 @@ pub(super) fn note(at_ns: u64, note: &Note) -> Option<Event> {
         Note::Second(s) => {
             let balanced = s.received + s.lost == s.expected;
             let (severity, kind, message) = if balanced {
-                (Severity::Info, "camera.counts", format!("{} received + {} lost = {} expected", s.received, s.lost, s.expected))
+                (Severity::Info, &kind::CAMERA_COUNTS, format!("{} received + {} lost = {} expected", s.received, s.lost, s.expected))
             } else {
                 let off = (s.received + s.lost) as i64 - s.expected as i64;
                 (
                     Severity::Error,
-                    "camera.count_disagrees",
+                    &kind::CAMERA_COUNT_DISAGREES,
                     format!(
                         "{} received + {} lost, but time says {} ({off:+}): the driver's sequence and stamps contradict each other",
                         s.received, s.lost, s.expected
@@ -201,7 +201,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
         } => Event::new(
             NOW,
             Severity::Error,
-            "camera.frozen",
+            &kind::CAMERA_FROZEN,
             format!(
                 "{node}: no frame for {:.3} s; restarting the stream (attempt {attempt})",
                 *silence_ns as f64 / 1e9
@@ -217,7 +217,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
         } => Event::new(
             NOW,
             Severity::Error,
-            "camera.stream_error",
+            &kind::CAMERA_STREAM_ERROR,
             format!(
                 "{node}: {call}: {}; restarting the stream in {} ms (attempt {attempt})",
                 Errno(*errno),
@@ -230,7 +230,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
         Notice::Voided => Event::new(
             NOW,
             Severity::Error,
-            "camera.void_buffers",
+            &kind::CAMERA_VOID_BUFFERS,
             format!(
                 "{node}: the driver gave buffers back without a frame in them and has given up on the stream; restarting it"
             ),
@@ -238,7 +238,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
         Notice::Refused { index, errno } => Event::new(
             NOW,
             Severity::Warning,
-            "camera.buffer_refused",
+            &kind::CAMERA_BUFFER_REFUSED,
             format!(
                 "{node}: VIDIOC_QBUF of buffer {index}: {}; it is tried again",
                 Errno(*errno)
@@ -248,7 +248,7 @@ pub(super) fn notice(notice: &Notice, node: &Path) -> Option<Event> {
         Notice::Nonsense { index } => Event::new(
             NOW,
             Severity::Error,
-            "camera.driver_nonsense",
+            &kind::CAMERA_DRIVER_NONSENSE,
             format!(
                 "{node}: the driver handed out buffer {index}, which it did not have; restarting the stream"
             ),
@@ -260,7 +260,7 @@ pub(super) fn unplugged(node: &Path, errno: i32) -> Event {
     Event::new(
         NOW,
         Severity::Error,
-        "camera.unplugged",
+        &kind::CAMERA_UNPLUGGED,
         format!(
             "{} is gone ({}); looking for it every 200 ms, the recording goes on",
             node.display(),
@@ -274,7 +274,7 @@ pub(super) fn replugged(node: &Path, gone_s: f64) -> Event {
     Event::new(
         NOW,
         Severity::Warning,
-        "camera.replugged",
+        &kind::CAMERA_REPLUGGED,
         format!(
             "the camera is back as {} after {gone_s:.3} s, with the rig's format and controls",
             node.display()
@@ -287,7 +287,7 @@ pub(super) fn reopen_failed(reason: &str) -> Event {
     Event::new(
         NOW,
         Severity::Error,
-        "camera.reopen_failed",
+        &kind::CAMERA_REOPEN_FAILED,
         format!("the camera is back but cannot be used yet: {reason}"),
     )
 }
@@ -297,7 +297,7 @@ pub(super) fn control_changed(control: &ControlReading, before: i64, now: i64) -
     Event::new(
         NOW,
         Severity::Warning,
-        "camera.control_changed",
+        &kind::CAMERA_CONTROL_CHANGED,
         format!("control `{}` changed from {before} to {now} behind our back (the rig asks for {asked})", control.name),
     )
     .with("from", before as f64)

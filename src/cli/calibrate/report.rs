@@ -1,13 +1,11 @@
 //! What a calibration is worth, in words and as JSON.
 
 use super::collect::Collected;
-use hydroline_calib::board::coplanarity::Coplanarity;
 use hydroline_calib::calibration::compare::Comparison;
 use hydroline_calib::detect::Orientation;
 use hydroline_calib::online::Status;
 use hydroline_calib::{CalibError, Calibration};
 use hydroline_daemon::calibrate::{PlacedBy, Setup, Sheet};
-use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
 
@@ -69,72 +67,14 @@ impl Report<'_> {
         ))
     }
 
-    fn orientation(&self) -> Option<Orientation> {
+    pub fn orientation(&self) -> Option<Orientation> {
         let pose = self.collected.poses.poses.get(self.best)?;
         pose.last().map(|d| d.orientation)
     }
 
-    fn gamma(&self) -> Option<f64> {
+    pub fn gamma(&self) -> Option<f64> {
         let pose = self.collected.poses.poses.get(self.best)?;
         pose.last().and_then(|d| d.gamma)
-    }
-
-    pub fn json(&self) -> Value {
-        let c = self.calibration;
-        let comparison = |c: &Comparison| {
-            json!({
-                "points": c.points, "mean_m": c.mean_m, "rms_m": c.rms_m, "max_m": c.max_m,
-                "worst_at_m": c.worst_m, "expected_m": c.expected_m, "ratio": c.ratio,
-                "removed": c.removed.map(|[xi, eta, turn]| json!({ "xi_m": xi, "eta_m": eta, "turn_rad": turn })),
-                "drifted": c.drifted(), "within_tolerance": c.max_m <= self.setup.tolerance_m(), "words": c.words(),
-            })
-        };
-        let against: Vec<Value> = self
-            .against
-            .iter()
-            .map(|a| {
-                json!({
-                    "with": a.name, "made": a.made,
-                    "as_is": a.as_is.as_ref().map(comparison),
-                    "aligned": a.aligned.as_ref().map(comparison),
-                })
-            })
-            .collect();
-        let gap = match c.gap() {
-            Some(Coplanarity::Measured(g)) => json!({
-                "state": "measured", "offset_m": g.offset_m, "offset_sd_m": g.offset_sd_m(),
-                "tilt_xi_rad": g.tilt_xi_rad, "tilt_eta_rad": g.tilt_eta_rad,
-                "tilt_xi_sd_rad": g.covariance[(1, 1)].max(0.0).sqrt(),
-                "tilt_eta_sd_rad": g.covariance[(2, 2)].max(0.0).sqrt(),
-                "blocks": g.blocks,
-            }),
-            Some(Coplanarity::Unknown(u)) => json!({ "state": "unknown", "why": u.why }),
-            None => Value::Null,
-        };
-        let sheet = Sheet::of(self.setup, c);
-        json!({
-            "calibration": self.out, "method": c.map.method(), "medium": c.medium.name(),
-            "date": c.date, "board": c.board,
-            "images": {
-                "looked_at": self.collected.looked, "with_board": self.collected.found,
-                "used": self.status.frames, "refused": self.collected.refused,
-            },
-            "poses": self.collected.poses.poses.len(),
-            "key_seen": self.orientation() == Some(Orientation::KeySeen),
-            "nodes": self.status.nodes,
-            "nodes_of_board": self.setup.board.columns * self.setup.board.rows,
-            "coverage": self.status.coverage.share(), "coverage_parts": self.status.coverage.parts,
-            "sheet_share": sheet.map(|s| s.share), "sheet_parts": sheet.map(|s| s.parts),
-            "residuals": c.residuals, "worst_sd_m": self.status.worst_sd_m, "own_sd_m": self.status.own_sd_m,
-            "tolerance_m": self.setup.tolerance_m(),
-            "missing_part": self.status.missing_part, "camera_gamma": self.gamma(),
-            "residual_ratio": self.status.misfit.map(|m| m.ratio), "residual_worst_sds": self.status.misfit.map(|m| m.worst_sds),
-            "residual_words": self.status.misfit.map(|m| m.words()),
-            "coplanarity": gap, "coplanarity_words": c.gap().map(Coplanarity::words),
-            "placement": c.placement, "placement_words": self.placed_by.words(),
-            "claim": c.claim(), "missing": self.status.missing, "accepted": self.status.accepted,
-            "against": against,
-        })
     }
 }
 

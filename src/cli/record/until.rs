@@ -10,6 +10,7 @@ use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_diagnose::body::next::Offer;
 use hydroline_diagnose::until::{Options, Proposal, Series, Step};
+use hydroline_diagnose::verdict::Verdict;
 use hydroline_diagnose::{Diagnosis, Source, read};
 use hydroline_identify::data::check_vehicle;
 use std::sync::Arc;
@@ -113,11 +114,11 @@ pub(super) fn run(
             // Never behind the last run: none is left then.
             Step::Run(proposal) => proposal,
             Step::Decided(found) => {
-                tell_end(args, rig, &runs, &reports, None, Some(&found));
+                tell_end(args, rig, &runs, &reports, None, Some(&found))?;
                 return Ok(outcome);
             }
             Step::Undecided { why, diagnosis } => {
-                tell_end(args, rig, &runs, &reports, Some(&why), diagnosis.as_deref());
+                tell_end(args, rig, &runs, &reports, Some(&why), diagnosis.as_deref())?;
                 return Ok(outcome);
             }
         };
@@ -306,28 +307,42 @@ fn scope(rig: &Rig, runs: &[Run]) -> String {
     }
 }
 
+/// What `--until-decided --json` prints.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(crate) struct Printed<'a> {
+    /// The runs in turn.
+    runs: &'a [Recorded],
+    /// The logs that the verdict is of.
+    logs: Vec<&'a Path>,
+    /// Whether it is decided.
+    decided: bool,
+    /// Why not, in words; `None` = it is.
+    why: Option<&'a str>,
+    /// Probability of the model that the verdict is of; `None` = no verdict.
+    probability: Option<f64>,
+    /// The verdict, as `diagnose --json` prints it; `None` = none was reached.
+    verdict: Option<&'a Verdict>,
+}
+
 /// What the series says at its end; `why` = why it is not decided.
 fn tell_end(
     args: &Args,
     rig: &Rig,
     runs: &[Run],
-    reports: &[serde_json::Value],
+    reports: &[Recorded],
     why: Option<&str>,
     found: Option<&Diagnosis>,
-) {
+) -> Result<(), CliError> {
     if args.json {
-        outln!(
-            "{}",
-            serde_json::json!({
-                "runs": reports,
-                "logs": runs.iter().map(|r| &r.log).collect::<Vec<_>>(),
-                "decided": why.is_none(),
-                "why": why,
-                "probability": found.map(|f| f.probability),
-                "verdict": found.map(|f| &f.verdict),
-            })
-        );
-        return;
+        let printed = Printed {
+            runs: reports,
+            logs: runs.iter().map(|r| r.log.as_path()).collect(),
+            decided: why.is_none(),
+            why,
+            probability: found.map(|f| f.probability),
+            verdict: found.map(|f| &f.verdict),
+        };
+        return print::json(&printed);
     }
     if let Some(found) = found {
         diagnose::print(&found.verdict);
@@ -347,6 +362,7 @@ fn tell_end(
             args.rig
         );
     }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 use super::{PlacedBy, Pose, Setup, Sheet, message, rfc3339, see};
 use hydroline_calib::Calibration;
 use hydroline_calib::detect::NotFound;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, Severity, kind};
 use hydroline_core::frame::GreyImage;
 use hydroline_log::messages::pb::PlaneCalibration;
 use std::mem::{Discriminant, discriminant};
@@ -91,7 +91,7 @@ impl Live {
                     look.events.push(Event::new(
                         unix_ns,
                         Severity::Warning,
-                        "calibration.no_board",
+                        &kind::CALIBRATION_NO_BOARD,
                         reason.to_string(),
                     ));
                 }
@@ -114,7 +114,7 @@ impl Live {
                         Event::new(
                             unix_ns,
                             Severity::Info,
-                            "calibration.accepted",
+                            &kind::CALIBRATION_ACCEPTED,
                             format!(
                                 "calibration accepted: {}; placed {}{}",
                                 calibration.claim(),
@@ -132,7 +132,7 @@ impl Live {
                         Event::new(
                             unix_ns,
                             Severity::Info,
-                            "calibration.progress",
+                            &kind::CALIBRATION_PROGRESS,
                             format!("missing: {}", status.missing.join("; ")),
                         ),
                         &status,

@@ -2,6 +2,7 @@
 //!
 //! A core without I/O: frames and profiles in, one [`AimView`] per window out.
 
+use hydroline_core::event::kind;
 use hydroline_core::frame::FrameFault;
 use hydroline_log::messages::pb::StripeProfile;
 use serde::Serialize;
@@ -13,7 +14,7 @@ const SILENT_S: f64 = 1.0;
 const SATURATED: u32 = 1;
 
 /// One window's summary.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AimView {
     /// Frames per second over the window \[1/s\].
     pub rate_fps: f64,
@@ -117,7 +118,7 @@ impl Gatherer {
 
     /// Losses that were marked on an earlier frame may turn out to be none.
     pub fn event(&mut self, event: &hydroline_core::event::Event) {
-        if event.kind == "camera.gap_retracted" {
+        if *event.kind == kind::CAMERA_GAP_RETRACTED {
             let frames = event.values.iter().find(|v| v.0 == "frames");
             self.lost = self.lost.saturating_sub(frames.map_or(0, |v| v.1 as u64));
         }

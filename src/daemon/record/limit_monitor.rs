@@ -8,7 +8,7 @@ use super::floor::Floor;
 use super::limits::{Estimate, LimitMonitor};
 use super::measured_pose::MeasuredPose;
 use super::{Job, RecordError, Shared, worker};
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 use hydroline_core::shutdown::StopReason;
 use hydroline_thruster::NeutralHandle;
 use hydroline_thruster::safety::NeutralReason;
@@ -87,7 +87,7 @@ pub(super) fn start(
     let mut monitor = LimitMonitor::new(job.rig.limits);
     if !shared.tracker.is_tracking() {
         let words = "the rig's model cannot be simulated: x, y and pitch are watched only where the target is measured";
-        shared.say(Severity::Warning, "limit.unwatched", words);
+        shared.say(Severity::Warning, &kind::LIMIT_UNWATCHED, words);
     }
     worker::spawn("limits", shared, move |shared| {
         let mut blind = false;
@@ -99,7 +99,7 @@ pub(super) fn start(
                 if let Some(neutral) = &neutral {
                     neutral.request(NeutralReason::Limit);
                 }
-                shared.say(Severity::Error, "limit.passed", words.clone());
+                shared.say(Severity::Error, &kind::LIMIT_PASSED, words.clone());
                 shared.shutdown.raise(StopReason::Limit(words));
             }
             let last_good_ns = shared.progress(|p| p.last_good_ns);
@@ -112,7 +112,7 @@ pub(super) fn start(
                 let words = format!(
                     "no good frame for {seconds} s: nobody watches the vehicle, thrusters to neutral; recording goes on"
                 );
-                shared.say(Severity::Error, "limit.blind", words);
+                shared.say(Severity::Error, &kind::LIMIT_BLIND, words);
             }
             blind = silent;
         }

@@ -3,7 +3,7 @@
 use super::mailbox::Mailbox;
 use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
 use crate::signals::Signals;
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 use hydroline_core::heartbeat::Liveness;
 use hydroline_core::shutdown::StopReason;
 use hydroline_log::messages;
@@ -122,7 +122,8 @@ impl Supervisor<'_> {
                 "no sign of life for a second from: {}; the service manager's watchdog is not fed meanwhile",
                 standing.join(", ")
             );
-            self.shared.say(Severity::Warning, "daemon.standing", words);
+            self.shared
+                .say(Severity::Warning, &kind::DAEMON_STANDING, words);
         }
         self.standing = standing;
     }
@@ -209,7 +210,7 @@ impl Supervisor<'_> {
                 "Space before the start: no plan starts any more; recording goes on, q ends it"
             };
             self.shared
-                .say(Severity::Warning, "thruster.neutral", words);
+                .say(Severity::Warning, &kind::THRUSTER_NEUTRAL, words);
         }
         None
     }
@@ -226,7 +227,7 @@ impl Supervisor<'_> {
             self.spaced = true;
             let words = "STOP on the live page: thrusters to neutral, no plan runs any more; recording goes on, q ends it";
             self.shared
-                .say(Severity::Warning, "thruster.neutral", words);
+                .say(Severity::Warning, &kind::THRUSTER_NEUTRAL, words);
         }
     }
 
@@ -273,8 +274,11 @@ impl Supervisor<'_> {
     }
 
     fn begin(&self) -> Result<(), RecordError> {
-        self.shared
-            .say(Severity::Info, "daemon.ready", "first good frame is here");
+        self.shared.say(
+            Severity::Info,
+            &kind::DAEMON_READY,
+            "first good frame is here",
+        );
         let (Some(plan), Some(service)) = (&self.job.plan, self.service) else {
             return Ok(());
         };
@@ -293,7 +297,7 @@ impl Supervisor<'_> {
             LEAD.as_millis(),
             plan.duration_s()
         );
-        self.shared.say(Severity::Info, "plan.start", words);
+        self.shared.say(Severity::Info, &kind::PLAN_START, words);
         Ok(())
     }
 

@@ -10,7 +10,7 @@ use crate::calibrate::live::Live;
 use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
@@ -53,7 +53,7 @@ pub(super) fn spawn<T: Send + 'static>(
             if result.is_err() {
                 let words = format!("the {what} thread panicked: this is a bug of hydroline");
                 shared.shutdown.raise(StopReason::Failed(words.clone()));
-                shared.say(Severity::Error, "daemon.panic", words);
+                shared.say(Severity::Error, &kind::DAEMON_PANIC, words);
             }
             result.ok()
         })
@@ -86,7 +86,7 @@ fn take(shared: &Shared, source: &dyn FrameSource, frame: Frame, index: u64) {
 /// The head of the log describes the camera of the start; the one that came back may have been set up otherwise.
 fn describe_again(shared: &Shared, source: &dyn FrameSource) {
     let words = serde_json::to_string(&source.describe()).unwrap_or_default();
-    shared.say(Severity::Info, "camera.source", words);
+    shared.say(Severity::Info, &kind::CAMERA_SOURCE, words);
 }
 
 /// Captures until shutdown; returns the source's account.
@@ -105,7 +105,7 @@ pub(super) fn capture(
                 }
                 Ok(Captured::Event(event)) => {
                     shared.event(&event);
-                    if event.kind == "camera.replugged" {
+                    if *event.kind == kind::CAMERA_REPLUGGED {
                         describe_again(shared, &*source);
                     }
                 }
@@ -115,7 +115,7 @@ pub(super) fn capture(
                 }
                 Ok(Captured::Finished) => shared.shutdown.raise(StopReason::SourceEnded),
                 Err(error) => {
-                    shared.say(Severity::Error, "camera.failed", error.to_string());
+                    shared.say(Severity::Error, &kind::CAMERA_FAILED, error.to_string());
                     shared.shutdown.raise(StopReason::Failed(error.to_string()));
                 }
             }

@@ -6,7 +6,7 @@ use serde::Serialize;
 const WORTH_TELLING_S: f64 = 0.5;
 
 /// A stretch without a pose.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Gap {
     /// First frame of it, since the run's first frame \[s\].
     pub from_s: f64,

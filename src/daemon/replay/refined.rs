@@ -15,7 +15,7 @@ use std::path::Path;
 const FRAMES: usize = 24;
 
 /// What a log's frames were found to share.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct RefineReport {
     /// Frames looked at.
     pub frames: usize,

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 /// What binding the frames did.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct SmoothReport {
     /// Frames given a pose.
     pub frames: usize,

@@ -25,7 +25,7 @@ pub struct NotBeside {
 }
 
 /// A measured run in the prediction's time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Measured {
     /// The run.
     pub log: String,
@@ -50,7 +50,7 @@ pub struct Measured {
 }
 
 /// What the prediction misses of a channel \[SI\].
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Beside {
     /// Name, unit in it.
     pub channel: &'static str,

@@ -15,7 +15,7 @@ const TOPICS_MAX: usize = 5000;
 const FIELDS_MAX: usize = 2000;
 
 /// A number in each message of a topic.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 pub struct FieldContents {
     /// Its path, as a map names it behind the topic and a point.
     pub path: String,
@@ -24,7 +24,7 @@ pub struct FieldContents {
 }
 
 /// One topic.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct TopicContents {
     /// Topic; several senders, sensors or bodies of one name have theirs in brackets.
     pub topic: String,
@@ -45,7 +45,7 @@ pub struct TopicContents {
 }
 
 /// All of it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Contents {
     /// What wrote it.
     pub kind: &'static str,

@@ -184,7 +184,7 @@ pub(super) trait Sink {
 }
 
 /// What could not be read: how often, the first place, and why.
-#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Unreadable {
     /// What: damaged records, or messages of a topic.
     pub what: String,

@@ -5,6 +5,7 @@ use super::{Finding, Grade};
 use crate::part::MetadataMap;
 use crate::scan::Learnt;
 use crate::seal::{DAMAGED_KEY, SealState};
+use hydroline_core::event::kind;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
     summary.get("recovered").is_some_and(|v| v == "true")
@@ -66,7 +67,7 @@ impl Checks {
         // A frame that was only late is reported as lost first and taken back by the next one.
         let reported = &self.frames.reported_lost;
         if !reported.is_empty() && reported.values().all(|lost| *lost == 0) {
-            errors.remove("camera.gap");
+            errors.remove(kind::CAMERA_GAP.name);
         }
         for (kind, n) in errors {
             let message = format!("the daemon reported {n} x `{kind}`");

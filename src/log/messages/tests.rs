@@ -2,6 +2,7 @@
 
 use super::*;
 use bytes::Bytes;
+use hydroline_core::event::kind;
 use hydroline_core::frame::{
     Frame, FrameFault, FrameMeta, GreyRule, LossBefore, StampClock, StampSource,
 };
@@ -132,11 +133,11 @@ fn an_image_without_info_takes_the_records_word() {
 
 #[test]
 fn events_keep_their_numbers() {
-    let event = Event::new(5, Severity::Warning, "camera.gap", "3 lost")
+    let event = Event::new(5, Severity::Error, &kind::CAMERA_GAP, "3 lost")
         .with("lost", 3.0)
         .with("gap_s", 0.12);
     let back = pb::Event::decode(event_message(&event).encode_to_vec().as_slice()).unwrap();
-    assert_eq!(event_severity(&back), Severity::Warning);
+    assert_eq!(event_severity(&back), Severity::Error);
     assert_eq!(
         (
             back.kind.as_str(),

@@ -3,7 +3,7 @@
 use super::chi2_above;
 
 /// Result of a test of whiteness.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Whiteness {
     /// Ljung-Box statistic.
     pub statistic: f64,
@@ -61,7 +61,9 @@ pub fn ljung_box(series: &[f64], lags: usize) -> Option<Whiteness> {
 pub const LAGS: usize = 20;
 
 /// Autocorrelations of what is left of a noise when its colour was taken out.
-#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, PartialEq, Default, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
+)]
 pub struct Correlogram {
     /// At lags 1, 2, ...
     pub correlations: Vec<f64>,

@@ -13,7 +13,7 @@ use crate::safety::{NeutralReason, PulseLimits, Safety, State};
 use crate::scheduler::{LoadAt, Scheduler};
 use crate::transport::Transport;
 use hydroline_core::clock::Clock;
-use hydroline_core::event::{Event, Severity};
+use hydroline_core::event::{Event, EventKind, Severity, kind};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -234,7 +234,7 @@ impl Core {
                 if matches!(order, Order::Plan { .. }) {
                     let why = "the plan is not started: someone stopped the thrusters";
                     self.set_plan(PlanState::Refused(why.into()));
-                    self.event(Severity::Warning, "thruster.refused", why.into(), &[]);
+                    self.event(Severity::Warning, &kind::THRUSTER_REFUSED, why.into(), &[]);
                 }
                 continue;
             }
@@ -259,7 +259,7 @@ impl Core {
                         let why =
                             "the plan is not started: there is no link to the thruster controller";
                         self.set_plan(PlanState::Refused(why.into()));
-                        self.event(Severity::Error, "thruster.refused", why.into(), &[]);
+                        self.event(Severity::Error, &kind::THRUSTER_REFUSED, why.into(), &[]);
                     }
                 }
             }
@@ -273,7 +273,7 @@ impl Core {
         let period_ns = (1e9 / link.rate_hz) as u64;
         if !matches!(self.safety.state(), State::Armed | State::Running) {
             let state = self.safety.state();
-            self.noisy(Severity::Warning, "thruster.refused", |n| {
+            self.noisy(Severity::Warning, &kind::THRUSTER_REFUSED, |n| {
                 (
                     format!("{n} set-points not taken: thrusters are {state:?}"),
                     vec![("count", n as f64)],
@@ -300,7 +300,7 @@ impl Core {
         let allowed_s = self.config.set.link.deadline_s;
         self.event(
             Severity::Error,
-            "thruster.deadline",
+            &kind::THRUSTER_DEADLINE,
             format!("a set-point was {late_s:.3} s late, {allowed_s:.3} s are allowed: neutral"),
             &[("late_s", late_s), ("allowed_s", allowed_s)],
         );
@@ -310,24 +310,24 @@ impl Core {
     fn event(
         &mut self,
         severity: Severity,
-        kind: &'static str,
+        kind: &'static EventKind,
         message: String,
         values: &[(&'static str, f64)],
     ) {
         let mut event = Event::new(self.clock.triple().realtime_ns, severity, kind, message);
-        event
-            .values
-            .extend(values.iter().map(|(name, value)| ((*name).into(), *value)));
+        for (name, value) in values {
+            event = event.with(*name, *value);
+        }
         (self.sink)(LinkRecord::Event(event));
     }
 
     fn noisy(
         &mut self,
         severity: Severity,
-        kind: &'static str,
+        kind: &'static EventKind,
         words: impl FnOnce(u64) -> (String, Vec<(&'static str, f64)>),
     ) {
-        if let Some(count) = self.noise.count(kind, self.now()) {
+        if let Some(count) = self.noise.count(kind.name, self.now()) {
             let (message, values) = words(count);
             self.event(severity, kind, message, &values);
         }

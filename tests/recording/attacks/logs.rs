@@ -1,7 +1,7 @@
 //! Logs that were changed, joined, or made to hurt.
 
 use super::{bounded, ours, path, simulated, words};
-use hydroline::event::{Event, Severity};
+use hydroline::event::{Event, EventKind, Severity};
 use hydroline::log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
 use hydroline_rigs::Rig;
 use std::path::Path;
@@ -111,7 +111,14 @@ fn image_geometry_unchecked() {
 fn strings_of_a_log_on_the_terminal() {
     let dir = tempfile::tempdir().unwrap();
     let log = path(dir.path(), "esc.mcap");
-    let evil = "\u{1b}]0;title\u{7}\u{1b}[2J\r\nsound";
+    const EVIL: &str = "\u{1b}]0;title\u{7}\u{1b}[2J\r\nsound";
+    static KIND: EventKind = EventKind {
+        name: EVIL,
+        severities: &[Severity::Error],
+        meaning: "",
+        values: &[],
+    };
+    let evil = EVIL;
     let head = Head {
         rig_toml: Rig::builtin("lshpi").unwrap().effective_toml,
         session: [("note".to_owned(), evil.to_owned())].into(),
@@ -123,7 +130,7 @@ fn strings_of_a_log_on_the_terminal() {
     let event = Event {
         timestamp_ns: 1_760_000_000_000_000_000,
         severity: Severity::Error,
-        kind: evil,
+        kind: &KIND,
         message: evil.to_owned(),
         values: Vec::new(),
     };

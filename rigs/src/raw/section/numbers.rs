@@ -30,11 +30,14 @@ impl<'d> Section<'d> {
 
     /// A number that may be omitted.
     pub(crate) fn number_opt(&self, key: &str, allowed: Quantity) -> Option<f64> {
+        self.asks_number(key, "number", &allowed);
         self.number_of(&self.item(key)?, &allowed)
     }
 
     /// A number that must be there.
     pub(crate) fn number(&self, key: &str, allowed: Quantity) -> Option<f64> {
+        self.asks_number(key, "number", &allowed);
+        self.requires(key);
         let Some(item) = self.item(key) else {
             self.missing(key, format!("`{key} = …`, {allowed}"));
             return None;
@@ -44,12 +47,15 @@ impl<'d> Section<'d> {
 
     /// A number with a default.
     pub(crate) fn number_or(&self, key: &str, allowed: Quantity, default: f64) -> f64 {
+        self.default_is(key, default);
         self.number_opt(key, allowed).unwrap_or(default)
     }
 
     /// An angle: `stem_rad` or `stem_deg`, range given in degrees, result in radians.
     pub(crate) fn angle_opt(&self, stem: &str, allowed_deg: Quantity) -> Option<f64> {
         let (rad_key, deg_key) = (format!("{stem}_rad"), format!("{stem}_deg"));
+        self.asks_number(&rad_key, "number", &allowed_deg.deg_to_rad());
+        self.asks_number(&deg_key, "number", &allowed_deg);
         match (self.item(&rad_key), self.item(&deg_key)) {
             (Some(_), Some(deg)) => {
                 self.report(
@@ -67,8 +73,16 @@ impl<'d> Section<'d> {
         }
     }
 
+    /// An angle with a default.
+    pub(crate) fn angle_or(&self, stem: &str, allowed_deg: Quantity, default_deg: f64) -> f64 {
+        self.default_is(&format!("{stem}_deg"), default_deg);
+        self.angle_opt(stem, allowed_deg)
+            .unwrap_or(default_deg.to_radians())
+    }
+
     /// An angle that must be there.
     pub(crate) fn angle(&self, stem: &str, allowed_deg: Quantity) -> Option<f64> {
+        self.requires(&format!("{stem}_deg"));
         let value = self.angle_opt(stem, allowed_deg);
         if value.is_none() && !self.has(&format!("{stem}_rad")) && !self.has(&format!("{stem}_deg"))
         {
@@ -81,7 +95,18 @@ impl<'d> Section<'d> {
     }
 
     /// A whole number that may be omitted.
-    pub(crate) fn integer_opt(&self, key: &str, min: i64, max: i64, unit: &str) -> Option<i64> {
+    pub(crate) fn integer_opt(
+        &self,
+        key: &str,
+        min: i64,
+        max: i64,
+        unit: &'static str,
+    ) -> Option<i64> {
+        let range = match max {
+            i64::MAX => format!("from {min}"),
+            _ => format!("{min} to {max}"),
+        };
+        self.asks_integer(key, unit, range);
         let item = self.item(key)?;
         let allowed = format!("a whole number from {min} to {max} {unit}");
         let Some(value) = as_i64(item.value) else {
@@ -102,8 +127,21 @@ impl<'d> Section<'d> {
         None
     }
 
+    /// A whole number with a default.
+    pub(crate) fn integer_or(
+        &self,
+        key: &str,
+        [min, max]: [i64; 2],
+        unit: &'static str,
+        default: i64,
+    ) -> i64 {
+        self.default_is(key, default);
+        self.integer_opt(key, min, max, unit).unwrap_or(default)
+    }
+
     /// A whole number that must be there.
-    pub(crate) fn integer(&self, key: &str, min: i64, max: i64, unit: &str) -> Option<i64> {
+    pub(crate) fn integer(&self, key: &str, min: i64, max: i64, unit: &'static str) -> Option<i64> {
+        self.requires(key);
         let value = self.integer_opt(key, min, max, unit);
         if value.is_none() && !self.has(key) {
             let expected = format!("`{key} = …`, a whole number from {min} to {max} {unit}");
@@ -138,11 +176,14 @@ impl<'d> Section<'d> {
         key: &str,
         allowed: Quantity,
     ) -> Option<[f64; N]> {
+        self.asks_number(key, format_args!("{N} numbers"), &allowed);
         self.numbers_of(&self.item(key)?, &allowed)
     }
 
     /// `N` numbers that must be there.
     pub(crate) fn numbers<const N: usize>(&self, key: &str, allowed: Quantity) -> Option<[f64; N]> {
+        self.asks_number(key, format_args!("{N} numbers"), &allowed);
+        self.requires(key);
         let Some(item) = self.item(key) else {
             self.missing(
                 key,

@@ -6,6 +6,8 @@ use crate::error::{ProblemKind, nearest};
 impl<'d> Section<'d> {
     /// `true` or `false`, with a default.
     pub(crate) fn flag_or(&self, key: &str, default: bool) -> bool {
+        self.asks_for(key, "true or false", "");
+        self.default_is(key, default);
         let Some(item) = self.item(key) else {
             return default;
         };
@@ -17,6 +19,7 @@ impl<'d> Section<'d> {
 
     /// A text that may be omitted.
     pub(crate) fn text_opt(&self, key: &str, expected: &str) -> Option<(String, Item<'d>)> {
+        self.asks_for(key, "text", expected);
         let item = self.item(key)?;
         match item.value.as_str() {
             Some(text) => Some((text.to_owned(), item)),
@@ -31,6 +34,8 @@ impl<'d> Section<'d> {
     pub(crate) fn name(&self, key: &str) -> Option<String> {
         const EXPECTED: &str =
             "a name of 1 to 64 letters, digits, `_`, `-` or `.`, starting with a letter or digit";
+        self.asks_for(key, "text", EXPECTED);
+        self.requires(key);
         if !self.has(key) {
             self.item(key);
             self.missing(key, format!("`{key} = \"…\"`, {EXPECTED}"));
@@ -46,6 +51,8 @@ impl<'d> Section<'d> {
 
     /// One of a list of words that may be omitted.
     pub(crate) fn choice_opt<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<T> {
+        let words: Vec<String> = choices.iter().map(|(w, _)| format!("`\"{w}\"`")).collect();
+        self.asks_for(key, "text", words.join(", "));
         let item = self.item(key)?;
         let typed = item.value.as_str();
         if let Some((_, value)) = choices.iter().find(|(word, _)| Some(*word) == typed) {
@@ -67,6 +74,7 @@ impl<'d> Section<'d> {
 
     /// One of a list of words that must be there.
     pub(crate) fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<T> {
+        self.requires(key);
         let value = self.choice_opt(key, choices);
         if value.is_none() && !self.has(key) {
             let words: Vec<String> = choices.iter().map(|(w, _)| format!("\"{w}\"")).collect();

@@ -3,7 +3,7 @@
 use super::{AWAY_NS, Core, Flow, REOPEN_NS};
 use crate::link::{ThrusterLink, WireLink};
 use crate::safety::{NeutralReason, State};
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 use hydroline_rigs::{Link, LinkKind};
 use std::time::Duration;
 
@@ -51,7 +51,7 @@ impl Core {
                     WireLink::new(protocol, opened.transport, Duration::from_millis(100));
                 if let Err(error) = link.open() {
                     self.protocol = Some(link.into_parts().0);
-                    self.noisy(Severity::Warning, "serial.open", |n| {
+                    self.noisy(Severity::Warning, &kind::SERIAL_OPEN, |n| {
                         (
                             format!("{} opens but takes no bytes: {error}", opened.name),
                             vec![("count", n as f64)],
@@ -68,7 +68,7 @@ impl Core {
                     };
                     self.event(
                         severity,
-                        "serial.low_latency",
+                        &kind::SERIAL_LOW_LATENCY,
                         format!("{}: {low_latency}", opened.name),
                         &[],
                     );
@@ -78,7 +78,7 @@ impl Core {
                 self.back(&format!("{} is open", opened.name));
             }
             Err(error) => {
-                self.noisy(Severity::Warning, "serial.open", |n| {
+                self.noisy(Severity::Warning, &kind::SERIAL_OPEN, |n| {
                     (error.to_string(), vec![("attempts", n as f64)])
                 });
             }
@@ -99,11 +99,11 @@ impl Core {
         self.safety.regain(self.reason_after_opening());
         if !self.ever_open {
             self.ever_open = true;
-            self.event(Severity::Info, "serial.open", how.to_owned(), &[]);
+            self.event(Severity::Info, &kind::SERIAL_OPEN, how.to_owned(), &[]);
             if self.config.set.link.kind == LinkKind::Maestro {
                 self.event(
                     Severity::Warning,
-                    "thruster.maestro_timeout",
+                    &kind::THRUSTER_MAESTRO_TIMEOUT,
                     MAESTRO_TIMEOUT.into(),
                     &[],
                 );
@@ -112,7 +112,7 @@ impl Core {
             let away_s = self.now().saturating_sub(lost_ns) as f64 * 1e-9;
             self.event(
                 Severity::Info,
-                "serial.back",
+                &kind::SERIAL_BACK,
                 format!("{how} after {away_s:.3} s; neutral first"),
                 &[("away_s", away_s)],
             );
@@ -155,7 +155,7 @@ impl Core {
         let last = self.sequence;
         self.event(
             Severity::Warning,
-            "thruster.unsent",
+            &kind::THRUSTER_UNSENT,
             format!("{unsent} sets of commands, numbers {first} to {last}, were cut off on their way out"),
             &[("sequence", f64::from(first)), ("sets", unsent as f64)],
         );
@@ -173,7 +173,7 @@ impl Core {
             let alone = watchdog_words(&self.config.set.link);
             self.event(
                 Severity::Error,
-                "serial.lost",
+                &kind::SERIAL_LOST,
                 format!("link to the thruster controller lost: {why}; {alone}; we send neutral first when it is back"),
                 &[],
             );
@@ -181,7 +181,7 @@ impl Core {
                 let reason = NeutralReason::Lost;
                 self.event(
                     Severity::Error,
-                    "thruster.neutral",
+                    &kind::THRUSTER_NEUTRAL,
                     format!("thrusters to neutral ({reason}): no command gets through; {alone}"),
                     &[],
                 );

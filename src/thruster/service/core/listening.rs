@@ -7,7 +7,7 @@ use crate::record::{CommandRecord, EchoRecord, LinkRecord};
 use crate::safety::{NeutralReason, State};
 use crate::scheduler::Tick;
 use crate::service::PlanState;
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 use hydroline_rigs::LinkKind;
 use std::sync::Arc;
 use std::time::Duration;
@@ -124,7 +124,7 @@ impl Core {
                 }
             }
             LinkEvent::Errors { bits, names } => {
-                self.noisy(Severity::Warning, "thruster.error_bits", |n| {
+                self.noisy(Severity::Warning, &kind::THRUSTER_ERROR_BITS, |n| {
                     (
                         format!("the controller reports {}", names.join(", ")),
                         vec![("bits", f64::from(bits)), ("count", n as f64)],
@@ -132,7 +132,7 @@ impl Core {
                 })
             }
             LinkEvent::Garbage { reason } => {
-                self.noisy(Severity::Warning, "thruster.garbage", |n| {
+                self.noisy(Severity::Warning, &kind::THRUSTER_GARBAGE, |n| {
                     (
                         format!("bytes from the controller dropped, {n} times: {reason}"),
                         vec![("count", n as f64)],
@@ -140,7 +140,7 @@ impl Core {
                 })
             }
             LinkEvent::Unanswered { sequence, sets } => {
-                self.noisy(Severity::Warning, "thruster.unanswered", |n| {
+                self.noisy(Severity::Warning, &kind::THRUSTER_UNANSWERED, |n| {
                     (
                         format!("{sets} commands from sequence {sequence} on were not answered"),
                         vec![
@@ -154,7 +154,7 @@ impl Core {
             LinkEvent::Reset { reason } => {
                 self.event(
                     Severity::Error,
-                    "thruster.reset",
+                    &kind::THRUSTER_RESET,
                     format!("the controller was reset: {reason}"),
                     &[],
                 );
@@ -285,7 +285,7 @@ impl Core {
         if unechoed_s > timeout_s && self.safety.state() == State::Running {
             self.event(
                 Severity::Error,
-                "thruster.no_echo",
+                &kind::THRUSTER_NO_ECHO,
                 format!(
                     "the controller answers, but has not echoed a command for {unechoed_s:.3} s \
                      ({timeout_s:.3} s are allowed): neutral"
@@ -315,7 +315,7 @@ impl Core {
         );
         self.event(
             Severity::Error,
-            "thruster.contradicted",
+            &kind::THRUSTER_CONTRADICTED,
             message,
             &[
                 ("sent_us", sent_us),
@@ -371,7 +371,7 @@ impl Core {
                 sent_us,
                 echo_us: got_us,
             });
-            self.noisy(Severity::Warning, "thruster.echo_mismatch", |n| {
+            self.noisy(Severity::Warning, &kind::THRUSTER_ECHO_MISMATCH, |n| {
                 (
                     format!("{name}: {sent_us:.2} us commanded, the controller puts out {got_us:.2} us ({n} sets like this)"),
                     vec![
@@ -398,7 +398,7 @@ impl Core {
         if !confirmed {
             self.event(
                 Severity::Error,
-                "thruster.neutral",
+                &kind::THRUSTER_NEUTRAL,
                 "ended without the controller's confirmation of neutral: its watchdog has to act"
                     .into(),
                 &[],

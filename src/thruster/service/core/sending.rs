@@ -6,7 +6,7 @@ use crate::curve::pulse_for_thrust;
 use crate::link::ThrusterLink;
 use crate::record::CommandRecord;
 use crate::safety::{NeutralReason, Refused, State};
-use hydroline_core::event::Severity;
+use hydroline_core::event::{Severity, kind};
 
 impl Core {
     pub(super) fn run_thrust(
@@ -36,7 +36,7 @@ impl Core {
         let admitted = match admitted {
             Ok(admitted) => admitted,
             Err(why) => {
-                self.event(Severity::Error, "thruster.refused", why, &[]);
+                self.event(Severity::Error, &kind::THRUSTER_REFUSED, why, &[]);
                 self.go_neutral(NeutralReason::Range, "a set-point was refused");
                 return;
             }
@@ -47,7 +47,7 @@ impl Core {
             let limit = self.config.set.max_slew_us_per_s;
             self.event(
                 Severity::Warning,
-                "thruster.slew_limited",
+                &kind::THRUSTER_SLEW_LIMITED,
                 format!("{name}: {wanted_us:.2} us wanted, {sent_us:.2} us sent: ramping at {limit} us/s"),
                 &[("wanted_us", wanted_us), ("sent_us", sent_us), ("limit_us_per_s", limit)],
             );
@@ -217,7 +217,7 @@ impl Core {
             };
             self.event(
                 severity,
-                "thruster.neutral",
+                &kind::THRUSTER_NEUTRAL,
                 format!("thrusters to neutral ({reason}): {why}"),
                 &[],
             );
