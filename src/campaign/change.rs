@@ -40,6 +40,9 @@ const FINE: f64 = 0.01;
 /// From this probability on a cause is named alone.
 const ESTABLISHED: f64 = 0.95;
 
+/// A coefficient as it looks where a cause with a number s acts that the rig does not know.
+type Apparent = fn(Coefficient, f64, f64, &Rig) -> f64;
+
 /// The day's own fit under one cause.
 struct DayFit {
     coefficients: Coefficients,

@@ -10,6 +10,9 @@ use hydroline_report::significant;
 /// Directions whose variance is below this share of the largest (at unit variances) carry no information.
 const NEGLIGIBLE: f64 = 1e-12;
 
+/// Standard deviations within which a coefficient is taken for zero.
+pub(crate) const ZERO_WITHIN_SD: f64 = 2.0;
+
 /// One coefficient of a result.
 struct Found<'r> {
     /// Row and column of the result's covariance.
@@ -42,6 +45,14 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
             })
         })
         .collect();
+    // What is zero within its noise is zero for the rig, on whichever side of it the noise has put it.
+    for f in all
+        .iter_mut()
+        .filter(|f| is_zero(f.coefficient, f.estimate))
+    {
+        f.coefficient.put(&mut rig.vehicle, 0.0);
+        f.kept = Some("zero within its noise, on the side that no hull has: 0 is written");
+    }
     let written = loop {
         let written = beside_kept(result, &all, rig);
         // What the rig's values of the others carry to where no hull is stays out itself.
@@ -125,6 +136,13 @@ fn why_kept(c: Coefficient, p: &Estimate) -> Option<&'static str> {
     } else {
         None
     }
+}
+
+/// Damping that is determined, came out positive, and is no more than noise away from none.
+fn is_zero(c: Coefficient, p: &Estimate) -> bool {
+    let sd = p.sd.unwrap_or(0.0);
+    let damping = c.term != Term::Added;
+    damping && p.excited && !p.at_bound && p.value > 0.0 && p.value < ZERO_WITHIN_SD * sd
 }
 
 /// What goes into the rig: (index of the coefficient, value) and the covariance in the same order.

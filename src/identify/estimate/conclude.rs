@@ -2,6 +2,7 @@
 
 use super::fit::{Fit, NOT_WHITE, beside};
 use super::{IdentifyError, Options};
+use crate::adopt::ZERO_WITHIN_SD;
 use crate::data::{CHANNELS, Run};
 use crate::figures::edges;
 use crate::outcome::{Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
@@ -106,11 +107,11 @@ impl Fit<'_> {
                 self.notes.push(format!("{}: ended on its search range {:.4} .. {:.4}; the interval is not to be trusted", c.key(), free.low, free.high));
             } else if value > 0.0 && sd.is_finite() && value > 2.0 * sd {
                 self.notes.push(format!("{}: {value:.4} is positive, which no hull has; something is missing from the model", c.key()));
-            } else if excited && c.term != Term::Added && value.abs() < 2.0 * sd {
+            } else if excited && c.term != Term::Added && value.abs() < ZERO_WITHIN_SD * sd {
                 self.notes.push(format!(
                     "{}: zero within ±{} {}, and these runs do show it: the vehicle may have no such drag",
                     c.key(),
-                    significant(2.0 * sd),
+                    significant(ZERO_WITHIN_SD * sd),
                     c.unit()
                 ));
             }
