@@ -21,7 +21,7 @@ hydroline() {
 "#;
 
 /// Longest time for a block \[s\]; a command that hangs ends the test.
-const BLOCK_WITHIN_S: &str = "1800";
+const BLOCK_WITHIN_S: &str = "3600";
 
 /// What a test does otherwise than the page, because a test has neither hardware nor hands nor minutes.
 #[derive(Debug, Clone, Copy)]
