@@ -3,6 +3,22 @@
 //! One way for data: capture -> log; log/capture -> stripe -> pose -> identify -> diagnose -> report.
 //! Each room is a crate of its own, so that the compiler holds who may use whom (ARCHITECTURE.md); this
 //! facade gives them their names in one place. Devices, clocks and files are injected.
+//!
+//! ```
+//! use hydroline::identify::{Options, data::load, identify};
+//! use hydroline::simulate::{self, simulate};
+//! use hydroline_rigs::{Plan, Rig};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let log = folder.path().join("run.mcap");
+//! let (rig, plan) = (Rig::builtin("lshpi")?, Plan::load_or_builtin("reversals")?);
+//! let options = simulate::Options { motion_only: true, ..simulate::Options::default() };
+//! simulate(&rig, &plan, &log, &options, &mut |_, _| ())?;
+//! let found = identify(&[load(&log, &rig)?], &rig, &Options::default())?;
+//! assert_eq!(found.model, "surge");
+//! assert!(found.parameters["x_udot"].sd.is_some());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub use hydroline_benchmark as prove;
 pub use hydroline_capture as capture;

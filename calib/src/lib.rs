@@ -11,6 +11,17 @@
 //! - [`map`]: the maps fitted to a board's nodes; [`study`]: their comparison.
 //! - [`calibration`]: a map with its provenance, as a file.
 //! - [`flat`]: the camera's response from an exposure series.
+//!
+//! ```
+//! use hydroline_calib::{IdealMap, PlaneMap};
+//!
+//! let rig = hydroline_rigs::Rig::builtin("lshpi")?;
+//! let map = IdealMap::of(&rig);
+//! let point = map.to_plane(400.0, 300.0).ok_or("not in the laser's fan")?;
+//! let (column_px, row_px) = map.to_image(point.xi_m, point.eta_m).ok_or("not in the image")?;
+//! assert!((column_px - 400.0).abs() < 1e-6 && (row_px - 300.0).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 // A test may stop at the first surprise; the library may not.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]

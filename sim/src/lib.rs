@@ -7,6 +7,17 @@
 //! - [`scene`]: the renderer of laser images and the analytic stripe.
 //!
 //! Nothing here reads a clock, a file or a device; the same input gives the same bytes.
+//!
+//! ```
+//! use hydroline_sim::{Model, Trajectory, model::ModelState};
+//!
+//! let rig = hydroline_rigs::Rig::builtin("lshpi")?;
+//! let mut run = Trajectory::<f64>::new(Model::from_rig(&rig)?, ModelState::at_rest([0.0; 6]), 0.01)?;
+//! run.command(0.0, [8.0, 0.0, 0.0, 0.0, 0.0, 0.0])?; // 8 N ahead
+//! let after = run.state_at(5.0)?.vehicle;
+//! assert!(after.eta[0] > 0.1 && after.nu[0] > 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]

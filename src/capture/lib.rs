@@ -3,6 +3,20 @@
 //! A source never loses a frame silently: each loss is counted under its cause in
 //! [`CaptureCounts`], and the number of frames that time says there should have been
 //! is computed on its own, so that the two can be compared.
+//!
+//! ```
+//! use hydroline_capture::{Captured, FakeSource, FakeStep, FrameSource, SourceDescription};
+//! use hydroline_core::clock::ManualClock;
+//! use std::{sync::Arc, time::Duration};
+//!
+//! let silent = [FakeStep::Silence(Duration::from_millis(40))];
+//! let clock = Arc::new(ManualClock::new(0, 0));
+//! let mut source = FakeSource::new(clock, SourceDescription::default(), silent);
+//! while source.next(Duration::from_millis(10))? != Captured::Finished {}
+//! let counts = source.counts();
+//! assert_eq!(counts.received + counts.lost.total(), counts.expected);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::time::Duration;
 

@@ -2,6 +2,13 @@
 //!
 //! Results go to stdout, diagnostics to stderr. Exit codes: 0 done; 1 the run failed; 2 bad
 //! arguments or config; 3 done, but something was lost ([`outcome`](crate::exit_code) sorts them).
+//!
+//! ```
+//! let program = hydroline_cli::command(hydroline_core::build_info::BuildInfo::default());
+//! assert!(program.find_subcommand("record").is_some());
+//! assert!(program.try_get_matches_from(["hydroline", "record"]).is_err()); // a rig is missing
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -6,6 +6,17 @@
 //! diagnosis is chosen.
 //!
 //! Nothing here reads a file or prints.
+//!
+//! ```
+//! use hydroline_design::Admission;
+//! use hydroline_rigs::{Plan, Rig};
+//!
+//! let (rig, plan) = (Rig::builtin("lshpi")?, Plan::load_or_builtin("surge-4n")?);
+//! // The vehicle as the rig file has it runs the plan; one of a quarter less mass and damping would not.
+//! assert!(Admission::of_known(&rig, None).admits(&plan));
+//! assert!(!Admission::new(&rig, None).admits(&plan));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]

@@ -4,6 +4,26 @@
 //! sure, where, what else it may be, which run would tell) -> `verdict` -> `report`. `profiles` asks the same of frames.
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
+//!
+//! ```
+//! use hydroline_daemon::simulate::{Options, simulate};
+//! use hydroline_diagnose::{diagnose, read, verdict::Word};
+//! use hydroline_rigs::{Plan, Rig};
+//!
+//! // A vehicle whose thrusters lag, and a rig that does not know.
+//! let rig = Rig::builtin("lshpi")?;
+//! let lag = "[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
+//! let water = Rig::from_toml(&format!("{}\n{lag}", rig.effective_toml), "water.toml", None)?;
+//! let folder = tempfile::tempdir()?;
+//! let log = folder.path().join("run.mcap");
+//! let options = Options { motion_only: true, ..Options::default() };
+//! simulate(&water, &Plan::load_or_builtin("two-tone")?, &log, &options, &mut |_, _| ())?;
+//!
+//! let verdict = diagnose(&[read(&log, &rig)?], &[], &rig, &|_| ())?.verdict;
+//! assert_eq!(verdict.verdict, Word::Named);
+//! assert_eq!(verdict.effects[0].effect, "thruster_lag");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod body;
 mod conclude;

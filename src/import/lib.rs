@@ -5,6 +5,17 @@
 //! A table is read once, for the findings; its samples wait in a scratch file (`spool`) for the log, so that
 //! memory is bounded whatever its size. Nothing is mended on the way: what is wrong is a finding; faults stop
 //! the import unless the caller accepts the loss, and then every lost value is counted.
+//!
+//! ```
+//! use hydroline_import::{Map, read};
+//!
+//! let map = "[time]\ncolumn = \"t\"\nunit = \"ms\"\n[motion.phi_rad]\ncolumn = \"roll\"\nunit = \"deg\"\n";
+//! let map = Map::from_toml(map, "map.toml")?;
+//! let table = read("t,roll\n0,0.0\n100,1.8\n200,3.6\n300,5.4\n", &map);
+//! assert!(!table.has_faults());
+//! assert_eq!(table.times_s.len(), 4);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod attitude;
 mod cells;

@@ -6,6 +6,15 @@
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
 //! Nothing here reads a file or prints.
+//!
+//! ```
+//! use hydroline_inference::prior::Density;
+//!
+//! // Beforehand, a number one standard deviation off is less likely by half a nat.
+//! let prior = Density::normal(0.0, 2.0);
+//! assert!((prior.ln(0.0) - prior.ln(2.0) - 0.5).abs() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]

@@ -16,6 +16,21 @@
 //! Whoever publishes ([`Feed`]) never waits for whoever looks: there is one place for the newest state and one for the
 //! newest picture, and each viewer asks for what is newer than what it has. A slow viewer sees fewer of them, and
 //! costs nobody anything.
+//!
+//! ```
+//! use hydroline_live::{Feed, State, Token, check_address};
+//!
+//! let outside = "0.0.0.0:8080".parse()?;
+//! assert!(check_address(outside, false).is_err()); // off this computer only with a token
+//! let token = Token::chosen("the-tank-of-building-7")?;
+//! assert!(check_address(outside, true).is_ok() && !token.is("guess"));
+//!
+//! let feed = Feed::new(true);
+//! let states = feed.states();
+//! feed.publish(State::default());
+//! assert!(states.borrow().value.is_some());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod address;
 pub mod feed;

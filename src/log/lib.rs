@@ -8,6 +8,20 @@
 //! ```
 //!
 //! Stripe points carry `quality` bits: 1 saturated, 2 haze corrected, 4 second candidate, 8 near step.
+//!
+//! ```
+//! use hydroline_log::messages::pb::ClockPair;
+//! use hydroline_log::{Entry, FileRecorder, Head, LogReader, SummaryInput, WriteSettings};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("run.mcap");
+//! let head = Head { rig_toml: "# a rig".to_owned(), ..Head::default() };
+//! let mut log = FileRecorder::create(&path, false, head, WriteSettings::offline(None))?;
+//! log.write(1_000, &Entry::clock(&ClockPair { realtime_ns: 1_000, ..ClockPair::default() }))?;
+//! assert!(!log.finish(&SummaryInput::clean("done"))?.lost);
+//! assert_eq!(LogReader::open(&path)?.rig_toml(), Some("# a rig"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -15,6 +15,17 @@
 //!   ours are one dense block of 3 to 40 unknowns, mostly without allocation.
 //! - `num-dual` 0.15 for `hydroline_sim::dual`: on nalgebra 0.35 and the same derivatives to the last digit, but 1.8 to
 //!   2.6 times slower over a trajectory (4, 7 and 16 directions): every number says by an `Option` whether it has any.
+//!
+//! ```
+//! use hydroline_numerics::{cholesky::ScaledCholesky, statistics::median};
+//! use nalgebra::{Matrix2, Vector2};
+//!
+//! let factor = ScaledCholesky::new(&Matrix2::new(4.0, 1.0, 1.0, 3.0), 0.0).ok_or("not positive definite")?;
+//! let x = factor.solve(&Vector2::new(6.0, 7.0));
+//! assert!((x - Vector2::new(1.0, 2.0)).norm() < 1e-12);
+//! assert_eq!(median(&mut [3.0, 1.0, 2.0]), Some(2.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod cholesky;
 pub mod information;

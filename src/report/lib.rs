@@ -15,6 +15,15 @@
 //! as long to build as this crate; `plotters` 0.3 rounds to whole pixels, draws a gap as a fall to the edge and the
 //! legend over the data; `charming` 0.6 needs a JavaScript engine; `askama` 0.16 would be a second escape, past which
 //! every figure goes unescaped, and takes three times as long to build.
+//!
+//! ```
+//! use hydroline_report::Page;
+//!
+//! let mut page = Page::new("run 7", "Run 7");
+//! page.body.paragraph("lag < 0.3 s");
+//! assert!(page.html().contains("lag &lt; 0.3 s"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod colour;
 pub mod figure;

@@ -2,6 +2,13 @@
 //!
 //! Every frame goes the whole way (render → stripe → laser plane → estimate), once with the whole-pixel
 //! stripe and single points of the paper, once with ours, and stands beside the paper's number.
+//!
+//! ```
+//! // Figure 12 of every hundredth frame.
+//! let figure = hydroline_reproduce::figure12(100)?;
+//! assert!(!figure.series.is_empty() && figure.csv().starts_with("series,"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod all_dofs;
 mod calibration;

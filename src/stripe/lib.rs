@@ -11,6 +11,19 @@
 //! The result depends on the image and the configuration only: an [`Extractor`] keeps scratch
 //! memory, never results, so a frame extracted live and the same frame replayed give the same
 //! bits. Rows grow downwards; 0 = the centre of the top left pixel.
+//!
+//! ```
+//! use hydroline_stripe::synthetic::{StripeImage, render};
+//! use hydroline_stripe::{Extractor, ExtractorConfig};
+//!
+//! let stripe = StripeImage { row0_px: 287.3, slope: 0.01, ..StripeImage::default() };
+//! let profile = Extractor::new(ExtractorConfig::default()).extract(&render(&stripe));
+//! assert!(profile.points.len() > 700);
+//! for point in &profile.points {
+//!     assert!((point.row_px - stripe.row_px(point.column_px)).abs() < 0.3);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #[cfg(test)]
 mod accuracy;

@@ -7,6 +7,17 @@
 //!
 //! Times ending in `_ns` in these modules are CLOCK_MONOTONIC unless the name says `unix`; the records that
 //! leave the service are UNIX nanoseconds, converted in one place.
+//!
+//! ```
+//! use hydroline_thruster::curve::pulse_for_thrust;
+//!
+//! let rig = hydroline_rigs::Rig::builtin("lshpi")?;
+//! let curve = &rig.thrusters.thrusters[0].curve;
+//! let pulse_us = pulse_for_thrust(curve, 1500.0, 5.0)?;
+//! assert!(pulse_us > 1500.0 && (curve.thrust_n(pulse_us) - 5.0).abs() < 1e-9);
+//! assert!(pulse_for_thrust(curve, 1500.0, 1e4).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 // Tests may unwrap; the library build is still checked.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]

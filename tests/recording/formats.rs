@@ -358,24 +358,19 @@ fn ros_image(k: u32, encoding: &str, (w, h, step): (u32, u32, u32), data: &[u8])
     out
 }
 
-#[test]
-fn images_of_a_ros_2_bag_are_replayed_by_topic() {
-    let dir = tempfile::tempdir().unwrap();
-    let bag = dir.path().join("bag.mcap");
-    let light = picture();
-    let mut writer = mcap::Writer::new(std::fs::File::create(&bag).unwrap()).unwrap();
+/// Name, encoding, bytes of a row, size and frames.
+type Topic<'a> = (&'a str, &'a str, u32, (u32, u32), Vec<&'a Vec<u8>>);
+
+fn write_bag(bag: &Path, topics: &[Topic]) {
+    let mut writer = mcap::Writer::new(std::fs::File::create(bag).unwrap()).unwrap();
     let schema = writer
         .add_schema("sensor_msgs/msg/Image", "ros2msg", b"x")
         .unwrap();
-    let (uyvy, step) = delivered(PixelFormat::Uyvy, &light);
-    for (topic, encoding, data, step) in [
-        ("/down/image_raw", "uyvy", &uyvy, step),
-        ("/front/image_raw", "mono8", light.as_raw(), light.width()),
-    ] {
+    for (topic, encoding, step, (w, h), frames) in topics {
         let channel = writer
             .add_channel(schema, topic, "cdr", &BTreeMap::new())
             .unwrap();
-        for k in 0..3u32 {
+        for (k, data) in (0u32..).zip(frames) {
             let at = T0_NS + u64::from(k) * PERIOD_NS;
             let header = mcap::records::MessageHeader {
                 channel_id: channel,
@@ -383,12 +378,51 @@ fn images_of_a_ros_2_bag_are_replayed_by_topic() {
                 log_time: at,
                 publish_time: at,
             };
-            let message = ros_image(k, encoding, (light.width(), light.height(), step), data);
+            let message = ros_image(k, encoding, (*w, *h, *step), data);
             writer.write_to_known_channel(&header, &message).unwrap();
         }
     }
     writer.finish().unwrap();
-    drop(writer);
+}
+
+/// A bag of ROS 2 with the same grey images under each topic.
+pub fn ros_bag(bag: &Path, topics: &[&str], images: &[image::GrayImage]) {
+    let (w, h) = images[0].dimensions();
+    let topics: Vec<Topic> = topics
+        .iter()
+        .map(|topic| {
+            (
+                *topic,
+                "mono8",
+                w,
+                (w, h),
+                images.iter().map(|i| i.as_raw()).collect(),
+            )
+        })
+        .collect();
+    write_bag(bag, &topics);
+}
+
+#[test]
+fn images_of_a_ros_2_bag_are_replayed_by_topic() {
+    let dir = tempfile::tempdir().unwrap();
+    let bag = dir.path().join("bag.mcap");
+    let light = picture();
+    let (uyvy, step) = delivered(PixelFormat::Uyvy, &light);
+    let size = light.dimensions();
+    write_bag(
+        &bag,
+        &[
+            ("/down/image_raw", "uyvy", step, size, vec![&uyvy; 3]),
+            (
+                "/front/image_raw",
+                "mono8",
+                size.0,
+                size,
+                vec![light.as_raw(); 3],
+            ),
+        ],
+    );
     let out = dir.path().join("out.mcap");
     let (code, _, stderr) = run("replay FILE --rig lshpi --out FILE", &[&bag, &out]);
     assert_eq!(code, 2, "{stderr}");

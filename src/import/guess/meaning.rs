@@ -185,6 +185,8 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
         return match letter {
             Some("a" | "b") => Aside,
             Some("w") => Channel(9 + axis),
+            // A force: `v` is no velocity but part of a thruster's name (`thrust_v_aft_port_n` of `export --merged`).
+            Some("v") if has(&["thrust", "force"]) => Unknown,
             Some("v") => Velocity(6 + axis),
             Some("p" | "t") => Channel(axis),
             Some("f") => Load(axis),

@@ -450,3 +450,12 @@ fn clocks_of_every_kind() {
     let bare = format!("x,F\n{}", rows(|k| format!("{:.6},{:.3}", x(k), f(k))));
     check(bare.as_bytes(), &time("rate_hz = 100\n"), 0.0);
 }
+
+/// `export --merged` names each thruster's thrust: the `v` of an upright one is no velocity.
+#[test]
+fn a_thruster_named_v_is_no_velocity() {
+    let text =
+        "t_s,x_m,surge_n,thrust_v_aft_port_n\n0,0.0,1,0\n0.1,0.1,1,2\n0.2,0.3,1,1\n0.3,0.6,2,0\n";
+    let found = guess(text.as_bytes()).unwrap().unwrap();
+    assert!(!found.toml.contains("u_mps"), "{}", found.toml);
+}

@@ -23,10 +23,12 @@ mkdir -p $root/etc/systemd/system/hydroline.service.d
 cp /work/hil.conf $root/etc/systemd/system/hydroline.service.d/
 cp -r /work/rigs/. $root/etc/hydroline/
 cp $root/etc/hydroline/d.toml $root/etc/hydroline/rig.toml
+# The guest has no udevd, and systemd starts with the one unit: what the guide's commands do is done by hand.
+# systemd-sysusers: the user and its groups.
 cp /work/passwd /work/group $root/etc/
 cp /work/environment $root/etc/hydroline/environment
 echo 0123456789abcdef0123456789abcdef >$root/etc/machine-id
-# What udev does by the rules that ship.
+# udevadm control --reload; udevadm trigger: what udev does by the rules that ship.
 chgrp 44 /dev/video0; chgrp 20 /dev/ttyUSB0; chmod 660 /dev/video0 /dev/ttyUSB0
 chown 990:990 $root/var/lib/hydroline
 mount --bind /out $root/out
@@ -34,6 +36,7 @@ mount --rbind /dev $root/dev
 mount -t sysfs sys $root/sys
 mount -t cgroup2 cgroup2 $root/sys/fs/cgroup || exit 1
 mount --make-rshared /
+# systemctl daemon-reload; systemctl start hydroline; journalctl: systemd reads the unit, starts it and logs to the console.
 say "systemd"
 unshare -m -p -f chroot $root /bin/busybox env -i container=hil PATH=/usr/bin:/bin SYSTEMD_LOG_TARGET=console \
   /lib/systemd/systemd --unit=hydroline.service --log-level=info --show-status=no </dev/null >/out/systemd.txt 2>&1 &

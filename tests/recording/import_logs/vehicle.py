@@ -40,7 +40,7 @@ def bag(run, out):
     store = get_typestore(Stores.ROS2_HUMBLE)
     new = lambda name, *a: store.types[name](*a)
     with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as file:
-        odom = file.add_connection("/odometry", "nav_msgs/msg/Odometry", typestore=store)
+        odom = file.add_connection("/odom", "nav_msgs/msg/Odometry", typestore=store)
         load = file.add_connection("/cmd/surge", "std_msgs/msg/Float64", typestore=store)
         for r in rows(run):
             ns = int(r["timestamp_ns"])

@@ -7,8 +7,9 @@
 //! | `<!-- run: SESSION -->` | is run by bash in the session's folder, after the session's earlier blocks |
 //! | `<!-- prints: SESSION; numbers within 1 % -->` | is what the session's last block printed (stdout and stderr, as on a terminal) |
 //! | `<!-- file: SESSION/NAME; numbers within 1 % -->` | stands in that file of the session's folder |
+//! | `<!-- elsewhere: SCRIPT, SCRIPT -->` | is run by these scripts of the repository: every program of it stands in one of them |
 //!
-//! The last one also stands above a picture, which then is that file. A line `...` in a `prints` or `file` block stands for
+//! `file` also stands above a picture, which then is that file. A line `...` in a `prints` or `file` block stands for
 //! any lines, `...` at the end of a line for the rest of it.
 
 /// The `language` of a marked picture.
@@ -31,6 +32,8 @@ pub enum Mark {
         /// Largest relative difference of a number.
         tolerance: f64,
     },
+    /// Other scripts run it; in place of a session their paths, with commas between.
+    Elsewhere,
 }
 
 /// A fenced block.
@@ -44,6 +47,42 @@ pub struct Block {
     pub text: String,
     /// Session and what to do, where a comment says so.
     pub mark: Option<(String, Mark)>,
+}
+
+impl Block {
+    /// Whether it holds commands of a shell, whatever the word behind its fence.
+    pub fn is_commands(&self) -> bool {
+        matches!(self.language.as_str(), "sh" | "bash" | "shell" | "console")
+            || (matches!(self.language.as_str(), "" | "text")
+                && self.text.lines().any(|line| {
+                    ["hydroline ", "$ ", "cargo ", "tests/"]
+                        .iter()
+                        .any(|begin| line.trim_start().starts_with(begin))
+                }))
+    }
+
+    /// The programs that it calls, by their names: the first word of each command.
+    pub fn programs(&self) -> Vec<&str> {
+        self.text
+            .lines()
+            .map(|line| line.split(" #").next().unwrap_or(""))
+            .flat_map(|line| line.split([';', '|', '&']))
+            .filter_map(|command| command.split_whitespace().next())
+            .collect()
+    }
+}
+
+/// Lines of commands outside of a fence, from 1: a renderer shows them as code where they are indented by four.
+pub fn indented_commands(markdown: &str) -> Vec<usize> {
+    let mut inside = false;
+    let mut found = Vec::new();
+    for (k, line) in markdown.lines().enumerate() {
+        inside ^= line.starts_with("```");
+        if !inside && line.starts_with("    ") && line.trim_start().starts_with("hydroline ") {
+            found.push(k + 1);
+        }
+    }
+    found
 }
 
 /// All fenced blocks of a file and its marked pictures; `file` names it in errors.
@@ -106,7 +145,7 @@ fn mark(line: &str) -> Result<Option<(String, Mark)>, String> {
     };
     let unknown = || {
         format!(
-            "'{}' above a block: write `run: SESSION`, `prints: SESSION; numbers within 1 %` or `file: SESSION/NAME; numbers within 1 %`",
+            "'{}' above a block: write `run: SESSION`, `prints: SESSION; numbers within 1 %`, `file: SESSION/NAME; numbers within 1 %` or `elsewhere: SCRIPT`",
             words.trim()
         )
     };
@@ -125,6 +164,7 @@ fn mark(line: &str) -> Result<Option<(String, Mark)>, String> {
     };
     let mark = match (what, tolerance) {
         ("run", None) => (session.to_owned(), Mark::Run),
+        ("elsewhere", None) => (session.to_owned(), Mark::Elsewhere),
         ("prints", Some(tolerance)) => (session.to_owned(), Mark::Prints { tolerance }),
         ("file", Some(tolerance)) => {
             let (session, name) = session.split_once('/').ok_or_else(unknown)?;
@@ -170,6 +210,17 @@ fn blocks_come_with_their_marks_and_lines() {
         (PICTURE, "data/c.svg")
     );
     assert_eq!((found[0].line, found[0].text.as_str()), (4, "ls\n"));
+}
+
+#[test]
+fn commands_are_seen_behind_any_fence() {
+    let text = "```\nhydroline info x\n```\n<!-- elsewhere: a/b, c -->\n```sh\nls x; cd y   # z; w\n```\n```text\nF = m a\n```\n\n    hydroline info y\n";
+    let found = blocks(text, "T.md").unwrap();
+    let commands: Vec<bool> = found.iter().map(Block::is_commands).collect();
+    assert_eq!(commands, [true, true, false]);
+    assert_eq!(found[1].mark, Some(("a/b, c".to_owned(), Mark::Elsewhere)));
+    assert_eq!(found[1].programs(), ["ls", "cd"]);
+    assert_eq!(indented_commands(text), [12]);
 }
 
 #[test]

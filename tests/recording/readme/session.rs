@@ -21,7 +21,7 @@ hydroline() {
 "#;
 
 /// Longest time for a block \[s\]; a command that hangs ends the test.
-const BLOCK_WITHIN_S: &str = "600";
+const BLOCK_WITHIN_S: &str = "3600";
 
 /// What a test does otherwise than the page, because a test has neither hardware nor hands nor minutes.
 #[derive(Debug, Clone, Copy)]
@@ -44,6 +44,13 @@ pub fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// The commands of a session of a page, block by block.
+pub fn commands(file: &str, session: &str) -> Vec<String> {
+    let found = blocks(&page(file), file).unwrap_or_else(|e| panic!("{e}"));
+    let is_run = |b: &Block| matches!(&b.mark, Some((s, Mark::Run)) if s == session);
+    found.into_iter().filter(is_run).map(|b| b.text).collect()
+}
+
 /// Runs all blocks of a session of a page in turn and compares what the page says of them; `folder` begins empty or with
 /// what a person would bring.
 pub fn play(file: &str, session: &str, folder: &Path, substitutions: &[Substitution]) {
@@ -54,11 +61,7 @@ pub fn play(file: &str, session: &str, folder: &Path, substitutions: &[Substitut
         .filter_map(|b| b.mark.as_ref().map(|(s, mark)| (b, s, mark)))
         .filter_map(|(b, s, mark)| (s == session).then_some((b, mark)))
         .collect();
-    let commands: Vec<&str> = blocks
-        .iter()
-        .filter(|(_, mark)| **mark == Mark::Run)
-        .map(|(b, _)| b.text.as_str())
-        .collect();
+    let commands = commands(file, session);
     assert!(!commands.is_empty(), "{file}: no `<!-- run: {session} -->`");
     for s in substitutions {
         assert!(
@@ -76,6 +79,7 @@ pub fn play(file: &str, session: &str, folder: &Path, substitutions: &[Substitut
     for (block, mark) in blocks {
         let at = format!("{file}:{}", block.line);
         let (result, of) = match mark {
+            Mark::Elsewhere => continue,
             Mark::Run => {
                 printed = run(&substituted(&block.text, substitutions), folder, &at);
                 continue;
@@ -138,7 +142,7 @@ fn one_line(text: &str) -> String {
 }
 
 /// What bash prints of the commands, with the built binary first in PATH.
-fn run(commands: &str, folder: &Path, at: &str) -> String {
+pub fn run(commands: &str, folder: &Path, at: &str) -> String {
     let binary = PathBuf::from(env!("CARGO_BIN_EXE_hydroline"));
     let path = std::env::join_paths(binary.parent().map(Path::to_owned).into_iter().chain(
         std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()),
@@ -150,6 +154,7 @@ fn run(commands: &str, folder: &Path, at: &str) -> String {
         .current_dir(folder)
         .env("PATH", path)
         .env("XDG_DATA_HOME", folder.join("data-home"))
+        .env("HYDROLINE_REPOSITORY", root())
         .env_remove("RUST_LOG")
         .stdin(Stdio::null())
         .output()
