@@ -40,6 +40,9 @@ const FINE: f64 = 0.01;
 /// From this probability on a cause is named alone.
 const ESTABLISHED: f64 = 0.95;
 
+/// The runs of the days before (`false`) or of the day (`true`), with their loads as a rig has them; words where they cannot be read.
+pub type LoadRuns<'a> = dyn Fn(&Rig, bool) -> Result<Vec<Run>, String> + 'a;
+
 /// A coefficient as it looks where a cause with a number s acts that the rig does not know.
 type Apparent = fn(Coefficient, f64, f64, &Rig) -> f64;
 
@@ -73,15 +76,13 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, IdentifyError> {
 
 /// What changed from the days before to a day.
 ///
-/// `load` gives the runs of the days before (`false`) or of the day (`true`) as a rig has their loads.
-///
 /// # Errors
 /// Words: a fit that is not possible.
 pub fn change(
     rig: &Rig,
     date: &str,
     since: &[String],
-    load: &dyn Fn(&Rig, bool) -> Result<Vec<Run>, String>,
+    load: &LoadRuns<'_>,
 ) -> Result<Change, String> {
     let words = |e: IdentifyError| e.to_string();
     let before = fit(&load(rig, false)?, rig).map_err(words)?;
@@ -115,19 +116,18 @@ pub fn change(
     let thrusters = rig.thrusters.thrusters.len();
     let kinds = 3.0 + f64::from(u8::from(thrusters > 1));
     let m = rig.vehicle.mass_kg;
-    let scaled =
-        |ln: f64, what: fn(Coefficient, f64, f64, &Rig) -> f64, name: &str, unit: &str, sd: f64| {
-            let objective = |s: f64| {
-                as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
-            };
-            Hypothesis::laplace(
-                name,
-                unit,
-                ln - sd.ln() - 0.5 * TAU.ln(),
-                &objective,
-                4.0 * sd,
-            )
+    let scaled = |ln: f64, what: Apparent, name: &str, unit: &str, sd: f64| {
+        let objective = |s: f64| {
+            as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
         };
+        Hypothesis::laplace(
+            name,
+            unit,
+            ln - sd.ln() - 0.5 * TAU.ln(),
+            &objective,
+            4.0 * sd,
+        )
+    };
     let per_kind = each - kinds.ln();
     hypotheses.push(scaled(per_kind, with_mass, "mass", "kg", MASS_SHARE * m));
     hypotheses.push(scaled(per_kind, with_drag, "drag", "", LN_FACTOR).factor());
