@@ -33,10 +33,12 @@ const LN_FACTOR: f64 = 0.3;
 const ELSE_SHARE: f64 = 0.3;
 /// One thruster gives between nothing and a little more than all of its thrust, any share alike.
 const THRUSTER: [f64; 2] = [0.0, 1.2];
-/// Places at which a thruster's share is tried before the best is refined.
-const TRIED: usize = 5;
-/// Width of a thruster's share at which the refinement ends.
-const FINE: f64 = 0.01;
+/// Shares of a thruster's thrust that are tried beside all of it.
+const TRIED: [f64; 2] = [0.8, 0.5];
+/// Vertices tried after these, at most.
+const REFINED: usize = 3;
+/// A vertex as near as this to a share that was tried is tried already.
+const FINE: f64 = 0.003;
 /// From this probability on a cause is named alone.
 const ESTABLISHED: f64 = 0.95;
 
@@ -107,19 +109,17 @@ pub fn change(
     let as_is = day(&start)?;
     let compared = Compared::of(&reference, &as_is.coefficients)
         .ok_or("no coefficient is determined on both sides")?;
-    let unchanged = as_is.chi2 + compared.distance(&|_, v| v, rig);
+    let unchanged = as_is.chi2 + compared.distance(&|_, v| v);
     let mut hypotheses = vec![
         Hypothesis::fixed("", SAME.ln(), -0.5 * unchanged),
         compared.anything((1.0 - SAME).ln() + ELSE.ln(), as_is.chi2),
     ];
     let each = ((1.0 - SAME) * (1.0 - ELSE)).ln();
-    let thrusters = rig.thrusters.thrusters.len();
-    let kinds = 3.0 + f64::from(u8::from(thrusters > 1));
+    let kinds = 3.0 + f64::from(u8::from(rig.thrusters.thrusters.len() > 1));
     let m = rig.vehicle.mass_kg;
     let scaled = |ln: f64, what: Apparent, name: &str, unit: &str, sd: f64| {
-        let objective = |s: f64| {
-            as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig), rig) + (s / sd).powi(2)
-        };
+        let objective =
+            |s: f64| as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig)) + (s / sd).powi(2);
         Hypothesis::laplace(
             name,
             unit,
@@ -132,27 +132,48 @@ pub fn change(
     hypotheses.push(scaled(per_kind, with_mass, "mass", "kg", MASS_SHARE * m));
     hypotheses.push(scaled(per_kind, with_drag, "drag", "", LN_FACTOR).factor());
     hypotheses.push(scaled(per_kind, with_thrust, "thrust", "", LN_FACTOR).factor());
-    if thrusters > 1 {
-        let ln = per_kind - (thrusters as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
-        for k in 0..thrusters {
-            let objective = |share: f64| -> f64 {
-                let mut with = start.clone();
-                for part in &mut with.thrusters.thrusters[k].direction {
-                    *part *= share;
-                }
-                let Ok(fit) = day(&with) else {
-                    return f64::INFINITY;
-                };
-                match Compared::of(&reference, &fit.coefficients) {
-                    Some(c) => fit.chi2 + c.distance(&|_, v| v, rig),
-                    None => f64::INFINITY,
-                }
+    // A thruster that no run drives can be anything.
+    let driven = driven(rig, load)?;
+    for k in driven.iter().copied().filter(|_| driven.len() > 1) {
+        let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
+        let objective = |share: f64| -> f64 {
+            let Ok(fit) = day(&with_share(&start, k, share)) else {
+                return f64::INFINITY;
             };
-            let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
-            hypotheses.push(Hypothesis::searched(&name, ln, &objective));
-        }
+            match Compared::of(&reference, &fit.coefficients) {
+                Some(c) => fit.chi2 + c.distance(&|_, v| v),
+                None => f64::INFINITY,
+            }
+        };
+        let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
+        hypotheses.push(Hypothesis::searched(&name, ln, &objective, unchanged));
     }
     Ok(conclude(date, since, &hypotheses, as_is.samples))
+}
+
+/// The rig with a thruster that gives a share of its thrust.
+fn with_share(rig: &Rig, thruster: usize, share: f64) -> Rig {
+    let mut with = rig.clone();
+    for part in &mut with.thrusters.thrusters[thruster].direction {
+        *part *= share;
+    }
+    with
+}
+
+/// Thrusters whose share changes the day's loads.
+fn driven(rig: &Rig, load: &LoadRuns<'_>) -> Result<Vec<usize>, String> {
+    let loads = |rig: &Rig| -> Result<Vec<_>, String> {
+        let runs = load(rig, true)?;
+        Ok(runs.into_iter().map(|r| r.commands).collect())
+    };
+    let all = loads(rig)?;
+    let mut driven = Vec::new();
+    for k in 0..rig.thrusters.thrusters.len() {
+        if loads(&with_share(rig, k, TRIED[0]))? != all {
+            driven.push(k);
+        }
+    }
+    Ok(driven)
 }
 
 /// Apparent coefficient where a mass s \[kg\] was added that the rig does not know: in translation the added mass hides it.
@@ -282,7 +303,7 @@ impl Compared {
     }
 
     /// Δᵀ (C + C_d)⁻¹ Δ under a transformation of the coefficients before.
-    fn distance(&self, of: &dyn Fn(Coefficient, f64) -> f64, _rig: &Rig) -> f64 {
+    fn distance(&self, of: &dyn Fn(Coefficient, f64) -> f64) -> f64 {
         let each = self.keys.iter().zip(&self.before).zip(&self.day);
         let off: Vec<f64> = each.map(|((c, b), d)| d - of(*c, *b)).collect();
         let off = nalgebra::DVector::from_vec(off);
@@ -375,24 +396,32 @@ impl Hypothesis {
         }
     }
 
-    /// The same where each value costs a fit: a few places, then the best one refined.
-    fn searched(what: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64) -> Self {
-        let at =
-            |k: usize| THRUSTER[0] + (THRUSTER[1] - THRUSTER[0]) * k as f64 / (TRIED - 1) as f64;
-        let tried: Vec<f64> = (0..TRIED).map(|k| objective(at(k))).collect();
-        let best = (0..TRIED)
-            .min_by(|a, b| tried[*a].total_cmp(&tried[*b]))
-            .unwrap_or(0);
-        let range = [at(best.saturating_sub(1)), at((best + 1).min(TRIED - 1))];
-        let (value, least) = golden(objective, range, FINE);
-        let mut found = Self::at(what, "", ln_prior, objective, value, least, 2.0 * FINE);
-        // Wider than the prior it cannot be.
-        let most = THRUSTER[1] - THRUSTER[0];
-        if found.sd > most {
-            found.ln += (most / found.sd).ln();
-            found.sd = most;
+    /// The same where each value costs a fit: a parabola through three values, its vertex tried, and again.
+    fn searched(what: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64, at_one: f64) -> Self {
+        let mut tried = vec![(1.0, at_one)];
+        tried.extend(TRIED.map(|s| (s, objective(s))));
+        for _ in 0..REFINED {
+            let Some((vertex, _)) = parabola(&mut tried) else {
+                break;
+            };
+            let vertex = vertex.clamp(THRUSTER[0], THRUSTER[1]);
+            if tried.iter().any(|(s, _)| (s - vertex).abs() < FINE) {
+                break;
+            }
+            tried.push((vertex, objective(vertex)));
         }
-        found
+        let curvature = parabola(&mut tried).map_or(0.0, |(_, c)| c);
+        let (value, least) = tried.first().copied().unwrap_or((f64::NAN, f64::INFINITY));
+        // J about its least is (s - s0)² / sd²; wider than the prior it cannot be.
+        let sd = (1.0 / curvature.max(1e-12).sqrt()).min(THRUSTER[1] - THRUSTER[0]);
+        Self {
+            what: what.to_owned(),
+            unit: String::new(),
+            value,
+            sd,
+            ln: ln_prior - 0.5 * least + (sd * TAU.sqrt()).ln(),
+            best: -0.5 * least,
+        }
     }
 
     /// A logarithm as the factor that it is of.
@@ -401,6 +430,17 @@ impl Hypothesis {
         self.sd *= self.value;
         self
     }
+}
+
+/// Vertex and curvature (J = c (s - s0)² + ...) of the parabola through the three best of the points, which it sorts, best first.
+fn parabola(points: &mut [(f64, f64)]) -> Option<(f64, f64)> {
+    points.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let [(a, fa), (b, fb), (c, fc), ..] = *points else {
+        return None;
+    };
+    let (slope, other) = ((fb - fa) / (b - a), (fc - fa) / (c - a));
+    let curvature = (slope - other) / (b - c);
+    (curvature > 0.0 && fc.is_finite()).then(|| (0.5 * (a + b - slope / curvature), curvature))
 }
 
 /// Golden section search (Kiefer 1953).
@@ -434,8 +474,8 @@ fn conclude(date: &str, since: &[String], all: &[Hypothesis], samples: f64) -> C
         .iter()
         .map(|h| Cause {
             what: h.what.clone(),
-            value: h.value,
-            sd: h.sd,
+            value: Some(h.value).filter(|v| v.is_finite()),
+            sd: Some(h.sd).filter(|v| v.is_finite()),
             unit: h.unit.clone(),
             probability: probability(h),
         })
@@ -464,17 +504,15 @@ fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String
         return format!("{date}: as {days} (probability {same:.3})");
     }
     let said = |c: &Cause| -> String {
+        let (value, sd) = (c.value.unwrap_or(f64::NAN), c.sd.unwrap_or(f64::NAN));
         match c.what.as_str() {
-            "mass" => format!("{:+.2} ± {:.2} kg of mass", c.value, c.sd),
-            "drag" => format!("damping {:.3} ± {:.3} times", c.value, c.sd),
-            "thrust" => format!("all thrust {:.3} ± {:.3} times", c.value, c.sd),
+            "mass" => format!("{:+.2} ± {:.2} kg of mass", value, sd),
+            "drag" => format!("damping {:.3} ± {:.3} times", value, sd),
+            "thrust" => format!("all thrust {:.3} ± {:.3} times", value, sd),
             "something else" => {
                 "a change that is none of mass, damping, thrust or one thruster".to_owned()
             }
-            thruster => format!(
-                "{thruster} gives {:.3} ± {:.3} of its thrust",
-                c.value, c.sd
-            ),
+            thruster => format!("{thruster} gives {:.3} ± {:.3} of its thrust", value, sd),
         }
     };
     match causes {

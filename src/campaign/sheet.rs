@@ -223,10 +223,10 @@ pub struct SetSheet {
 pub struct Cause {
     /// `mass`, `drag`, `thrust`, or `thruster NAME`.
     pub what: String,
-    /// Its number: an added mass \[kg\], or a factor.
-    pub value: f64,
+    /// Its number: an added mass \[kg\], or a factor; absent where it has none.
+    pub value: Option<f64>,
     /// Standard deviation.
-    pub sd: f64,
+    pub sd: Option<f64>,
     /// `kg` or empty.
     pub unit: String,
     /// Posterior probability among the candidates, nothing changed included.

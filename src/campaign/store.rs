@@ -209,7 +209,12 @@ fn content_hash(path: &Path) -> std::io::Result<String> {
 /// [`StoreError::File`].
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let mut part = tempfile::NamedTempFile::new_in(folder).map_err(file(path))?;
+    let mut part = tempfile::Builder::new()
+        .prefix(".campaign-")
+        // As any new file: what the umask leaves.
+        .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
+        .tempfile_in(folder)
+        .map_err(file(path))?;
     part.write_all(bytes).map_err(file(path))?;
     part.persist(path).map_err(|e| StoreError::File {
         path: path.to_owned(),

@@ -175,8 +175,12 @@ fn changes(campaign: &Campaign<'_>, group: &Group, unit: &Unit) -> Vec<Row> {
                 if let Some(first) = change.causes.first() {
                     put(&mut row, "cause", first.what.as_str());
                     put(&mut row, "cause_probability", first.probability);
-                    put(&mut row, "cause_value", number(first.value));
-                    put(&mut row, "cause_sd", number(first.sd));
+                    put(
+                        &mut row,
+                        "cause_value",
+                        first.value.map_or(Value::Null, number),
+                    );
+                    put(&mut row, "cause_sd", first.sd.map_or(Value::Null, number));
                 }
             }
             Err(why) => put(&mut row, "remarks", why.as_str()),

@@ -77,6 +77,7 @@ sessions! {
     the_roll_decay_is_diagnosed nightly "diagnoses a long recording twice: minutes":
         "src/guide/diagnose.md" "roll", bring_the_roll_decay, [];
     logs_of_others_become_verdicts: "src/guide/import.md" "foreign", has_python, FOREIGN;
+    logs_of_two_days_are_compared: "src/guide/campaign.md" "campaign", nothing, [];
     sealed_cases_are_proved nightly "seven cases, twenty minutes together":
         "src/guide/validation.md" "prove", nothing, FEW;
     the_service_s_files_are_installed: "src/guide/service.md" "install", bring_a_rig_and_a_calibration, INTO_A_FOLDER;
