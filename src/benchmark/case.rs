@@ -240,7 +240,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
     } else {
         plans::good(&mut rng)
     };
-    // Of two more runs, held out, one helps to choose; the other one is asked for nothing but how well the choice predicts.
+    // Two more runs are held out: they show how well what was chosen predicts.
     let mut apart = StdRng::seed_from_u64(seed_of(!seed, category, index));
     let held_plans: Vec<Plan> = match paper {
         true => Vec::new(),

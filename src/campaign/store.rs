@@ -1,6 +1,7 @@
 //! Sheets on disk: one file per unit, named by its key; and content hashes of files that have not changed since.
 
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -117,9 +118,9 @@ impl Store {
         serde_json::from_slice(&bytes).ok()
     }
 
-    /// Whether a sheet is there.
+    /// Whether a sheet is there and whole.
     pub fn has(&self, key: &str) -> bool {
-        self.sheet_path(key).exists()
+        self.get::<IgnoredAny>(key).is_some()
     }
 
     /// Writes a sheet, whole or not at all.

@@ -6,7 +6,7 @@ use crate::survey::Found;
 use crate::unit::{Task, Unit};
 use crate::work::Campaign;
 use serde_json::{Map, Value, json};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Columns in this order; coefficients, noise, ranges and predictions follow by name.
 const FIRST: [&str; 23] = [
@@ -53,6 +53,14 @@ pub fn rows(campaign: &Campaign<'_>) -> Vec<Row> {
             Some(row)
         })
         .collect();
+    let of_hash: BTreeMap<&str, &Unit> = campaign
+        .units
+        .iter()
+        .filter_map(|u| match u.task {
+            Task::Run { log } => Some((campaign.logs[log].hash.as_str(), u)),
+            _ => None,
+        })
+        .collect();
     for (g, group) in campaign.groups.iter().enumerate() {
         let whole = campaign
             .units
@@ -62,7 +70,8 @@ pub fn rows(campaign: &Campaign<'_>) -> Vec<Row> {
             .and_then(|u| campaign.store.get::<SetSheet>(&u.key))
             .map_or(Vec::new(), |s| s.outliers);
         for k in group.days.iter().flat_map(|d| &d.logs) {
-            rows.push(run(campaign, group, *k, &outliers));
+            let unit = of_hash.get(campaign.logs[*k].hash.as_str()).copied();
+            rows.push(run(campaign, group, *k, unit, &outliers));
         }
         for unit in campaign.units {
             match unit.task {
@@ -98,7 +107,14 @@ fn head(group: &Group, kind: &str) -> Row {
     row
 }
 
-fn run(campaign: &Campaign<'_>, group: &Group, k: usize, outliers: &[(String, f64)]) -> Row {
+/// `unit` = of the log; of a log that is there twice, the first one's.
+fn run(
+    campaign: &Campaign<'_>,
+    group: &Group,
+    k: usize,
+    unit: Option<&Unit>,
+    outliers: &[(String, f64)],
+) -> Row {
     let log: &Found = &campaign.logs[k];
     let mut row = head(group, "run");
     put(&mut row, "log", log.name.as_str());
@@ -108,11 +124,6 @@ fn run(campaign: &Campaign<'_>, group: &Group, k: usize, outliers: &[(String, f6
         put(&mut row, "plan", is.plan.as_str());
         put(&mut row, "note", is.note.as_str());
     }
-    // Of a log that is there twice the unit is the first one's.
-    let unit = campaign.units.iter().find(|u| match u.task {
-        Task::Run { log: first } => campaign.logs[first].hash == log.hash,
-        _ => false,
-    });
     let sheet = unit.and_then(|u| Some((u, campaign.store.get::<RunSheet>(&u.key)?)));
     let Some((unit, sheet)) = sheet else {
         put(&mut row, "state", "open");

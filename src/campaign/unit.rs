@@ -3,6 +3,7 @@
 use crate::group::Group;
 use crate::store::Key;
 use crate::survey::{Found, Identity};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Versions of what a unit finds: a new number where the same build would find something else than before.
 const RUN: &str = "run/1";
@@ -52,12 +53,13 @@ pub struct Unit {
 /// All units, each behind those that it needs. `build` = the program's version and commit.
 pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
     let mut units: Vec<Unit> = Vec::new();
+    let mut by_key: BTreeMap<String, usize> = BTreeMap::new();
     let mut of_log: Vec<Option<usize>> = vec![None; logs.len()];
     for (k, log) in logs.iter().enumerate() {
         let Ok(is) = &log.is else { continue };
         let key = run_key(log, is, build);
         // A copy of a log is the same unit.
-        let place = units.iter().position(|u| u.key == key).unwrap_or_else(|| {
+        let place = *by_key.entry(key.clone()).or_insert_with(|| {
             units.push(Unit {
                 name: format!("run-{key}"),
                 key,
@@ -110,13 +112,9 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
 
 /// Units of logs, each once: a copy of a log counts once.
 fn needed(logs: &[usize], of_log: &[Option<usize>]) -> Vec<usize> {
-    let mut needs: Vec<usize> = Vec::new();
-    for unit in logs.iter().filter_map(|k| of_log[*k]) {
-        if !needs.contains(&unit) {
-            needs.push(unit);
-        }
-    }
-    needs
+    let mut seen = BTreeSet::new();
+    let all = logs.iter().filter_map(|k| of_log[*k]);
+    all.filter(|unit| seen.insert(*unit)).collect()
 }
 
 fn run_key(log: &Found, is: &Identity, build: &str) -> String {

@@ -30,7 +30,7 @@ folder, or copied together. Then `--list` again, until it prints nothing.
 Examples:
   hydroline campaign logs --out campaign
   hydroline campaign logs --out campaign --fail-on unknown,drift
-  hydroline campaign logs --out campaign --list | xargs -n 1 hydroline campaign logs --out campaign --only
+  hydroline campaign logs --out campaign --list > units
 
 Exit codes: 0 done; 1 a unit could not be done, or --fail-on found something; 2 bad arguments, no log in DIR; 3 done, but \
 some files cannot be used.")]

@@ -5,6 +5,7 @@
 mod architecture;
 mod attacks;
 mod calibrate_chain;
+mod campaign;
 mod citations;
 mod cli_build_info;
 mod cli_errors;

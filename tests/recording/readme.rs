@@ -406,6 +406,10 @@ fn every_command_block_is_run_or_says_where() {
             ));
         }
         for block in blocks::blocks(&text, &name).unwrap() {
+            // How a command is spelt, as the program itself prints it: generated, and nothing to run.
+            if name.starts_with("src/guide/reference/") {
+                continue;
+            }
             let at = format!("{name}:{}", block.line);
             all += usize::from(block.is_commands());
             match &block.mark {

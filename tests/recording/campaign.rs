@@ -1,0 +1,151 @@
+//! `hydroline campaign`: groups, bad logs, nothing done twice, units of work one by one.
+
+use crate::support::hydroline;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::SystemTime;
+
+fn run(dir: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let output = hydroline().current_dir(dir).args(words).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    (output.status.code(), text)
+}
+
+fn simulate(dir: &Path, rig: &str, plan: &str, seed: &str, start: &str, log: &str) {
+    let (code, _) = run(
+        dir,
+        &[
+            "simulate",
+            "--motion-only",
+            "--rig",
+            rig,
+            "--plan",
+            plan,
+            "--seed",
+            seed,
+            "--start",
+            start,
+            "--out",
+            log,
+        ],
+    );
+    assert_eq!(code, Some(0), "{log}");
+}
+
+/// Sheets with their times of change.
+fn sheets(dir: &Path) -> BTreeMap<String, SystemTime> {
+    let entries = std::fs::read_dir(dir.join("campaign/store/sheets")).unwrap();
+    entries
+        .map(|e| {
+            let e = e.unwrap();
+            let name = e.file_name().to_string_lossy().into_owned();
+            (name, e.metadata().unwrap().modified().unwrap())
+        })
+        .collect()
+}
+
+#[test]
+fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    std::fs::create_dir(dir.join("logs")).unwrap();
+    let (_, rig) = run(dir, &["rig", "show", "lshpi"]);
+    let other = rig.replacen("name = \"lshpi\"", "name = \"other\"", 1);
+    std::fs::write(dir.join("other.toml"), other).unwrap();
+    simulate(
+        dir,
+        "lshpi",
+        "reversals",
+        "1",
+        "2026-05-04T09:00:00Z",
+        "logs/a1.mcap",
+    );
+    simulate(
+        dir,
+        "other.toml",
+        "reversals",
+        "2",
+        "2026-05-04T09:30:00Z",
+        "logs/b1.mcap",
+    );
+    std::fs::write(dir.join("logs/bad.mcap"), b"no log at all").unwrap();
+    let campaign = ["campaign", "logs", "--out", "campaign"];
+
+    let (code, text) = run(dir, &campaign);
+    assert_eq!(code, Some(3), "{text}");
+    assert!(text.contains("cannot be used: bad.mcap"), "{text}");
+    let table = std::fs::read_to_string(dir.join("campaign/runs.jsonl")).unwrap();
+    let rows: Vec<serde_json::Value> = table
+        .lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect();
+    let of = |kind: &str, column: &str| -> Vec<&str> {
+        let own = rows.iter().filter(|r| r["kind"] == kind);
+        own.map(|r| r[column].as_str().unwrap_or("")).collect()
+    };
+    assert_eq!(of("group", "vehicle"), ["lshpi", "other"]);
+    assert_eq!(of("run", "log"), ["a1.mcap", "b1.mcap"]);
+    assert_eq!(of("run", "verdict"), ["none", "none"]);
+    assert_eq!(of("bad", "log"), ["bad.mcap"]);
+    let page = std::fs::read_to_string(dir.join("campaign/campaign.html")).unwrap();
+    assert!(page.contains("bad.mcap") && page.contains("b1.mcap"));
+
+    // Again: the same table, and no sheet is written.
+    let before = sheets(dir);
+    assert_eq!(run(dir, &campaign).0, Some(3));
+    assert_eq!(sheets(dir), before);
+    assert_eq!(
+        std::fs::read_to_string(dir.join("campaign/runs.jsonl")).unwrap(),
+        table
+    );
+
+    // One more log costs its identity, its run, its group.
+    simulate(
+        dir,
+        "lshpi",
+        "coast-down",
+        "3",
+        "2026-05-04T10:00:00Z",
+        "logs/a2.mcap",
+    );
+    let list = |n: usize| {
+        let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign", "--list"]);
+        assert_eq!(code, Some(0));
+        let units: Vec<String> = text.lines().map(str::to_owned).collect();
+        assert_eq!(units.len(), n, "{text}");
+        units
+    };
+    for kind in ["run-", "group-lshpi-"] {
+        let unit = list(1).remove(0);
+        assert!(unit.starts_with(kind), "{unit}");
+        let (code, _) = run(
+            dir,
+            &["campaign", "logs", "--out", "campaign", "--only", &unit],
+        );
+        assert_eq!(code, Some(0));
+    }
+    list(0);
+    let after = sheets(dir);
+    assert_eq!(after.len(), before.len() + 3);
+    assert!(before.iter().all(|(name, at)| after[name] == *at));
+}
+
+#[test]
+fn a_folder_that_holds_something_else_is_no_campaign() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    std::fs::create_dir_all(dir.join("logs")).unwrap();
+    std::fs::create_dir_all(dir.join("precious")).unwrap();
+    std::fs::write(dir.join("precious/thesis.tex"), "").unwrap();
+    let output = hydroline()
+        .current_dir(dir)
+        .args(["campaign", "logs", "--out", "precious"])
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr.contains("thesis.tex"), "{stderr}");
+    let (code, _) = run(dir, &["campaign", "logs", "--out", "new"]);
+    assert_eq!(code, Some(2), "an empty folder holds no log");
+    assert!(!dir.join("new/store").exists());
+}
