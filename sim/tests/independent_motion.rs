@@ -86,7 +86,7 @@ fn cases_whose_effects_we_know_are_reproduced_to_their_noise() {
     for case in key.as_array().unwrap() {
         let effects = case["effects"].as_object().unwrap();
         let background = case["background"].as_object().unwrap();
-        if case["in_library"] != true {
+        if case["in_vocabulary"] != true {
             continue;
         }
         let name = case["case"].as_str().unwrap();
