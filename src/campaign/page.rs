@@ -2,11 +2,10 @@
 
 use crate::group::Group;
 use crate::sheet::{ChangeSheet, SetSheet};
-use crate::table::Row;
+use crate::table::{Row, word};
 use crate::unit::Task;
 use crate::work::Campaign;
 use hydroline_report::{Axis, Body, Colour, Figure, Page, Panel, Table, significant};
-use serde_json::Value;
 
 /// Rows of runs that a page shows; all of them stand in the table beside it.
 const ROWS_MAX: usize = 10_000;
@@ -197,14 +196,6 @@ fn coverage(b: &mut Body, group: &Group, rows: &[Row]) {
     if any {
         b.subsection("Range of operation covered (SI)");
         b.table(table);
-    }
-}
-
-fn word(row: &Row, column: &str) -> String {
-    match row.get(column) {
-        None => String::new(),
-        Some(Value::String(words)) => words.clone(),
-        Some(other) => other.to_string(),
     }
 }
 

@@ -270,6 +270,15 @@ fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec
     remarks.extend(found.faults.iter().cloned());
 }
 
+/// A cell as text; empty = not known.
+pub fn word(row: &Row, column: &str) -> String {
+    match row.get(column) {
+        None => String::new(),
+        Some(Value::String(words)) => words.clone(),
+        Some(other) => other.to_string(),
+    }
+}
+
 /// Columns of rows: the fixed ones in their order, then the others by name.
 fn columns(rows: &[Row]) -> Vec<String> {
     let there: BTreeSet<&str> = rows
@@ -291,11 +300,7 @@ pub fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(&columns)?;
     for row in rows {
-        out.write_record(columns.iter().map(|c| match row.get(c) {
-            None => String::new(),
-            Some(Value::String(words)) => words.clone(),
-            Some(other) => other.to_string(),
-        }))?;
+        out.write_record(columns.iter().map(|c| word(row, c)))?;
     }
     out.into_inner().map_err(|e| e.into_error().into())
 }

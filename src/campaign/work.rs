@@ -10,6 +10,7 @@ use hydroline_diagnose::{diagnose, read};
 use hydroline_identify::data::{CHANNELS, LoadError, Run, load};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
+use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -349,12 +350,10 @@ fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
     for (channel, rms) in found.held_out_rms.values().flatten() {
         by_channel.entry(channel).or_default().push(*rms);
     }
-    let median = |values: &Vec<f64>| {
-        let mut sorted = values.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
-    };
-    let medians: BTreeMap<&str, f64> = by_channel.iter().map(|(c, v)| (*c, median(v))).collect();
+    let medians: BTreeMap<&str, f64> = by_channel
+        .into_iter()
+        .filter_map(|(c, mut rms)| Some((c, median(&mut rms)?)))
+        .collect();
     let mut odd: Vec<(String, f64)> = found
         .held_out_rms
         .iter()

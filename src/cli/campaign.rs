@@ -5,13 +5,13 @@ use super::{CliError, Outcome, inputs, progress, replay};
 use hydroline_campaign::group::{Group, groups};
 use hydroline_campaign::store::Store;
 use hydroline_campaign::survey::{Found, logs, survey};
-use hydroline_campaign::table::{Row, csv, json_lines, rows};
+use hydroline_campaign::table::{Row, csv, json_lines, rows, word};
 use hydroline_campaign::unit::{Task, Unit, units};
 use hydroline_campaign::work::Campaign;
 use hydroline_campaign::{page::page, store::write_whole};
 use hydroline_core::build_info::BuildInfo;
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -213,10 +213,6 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
     Ok(())
 }
 
-fn word<'r>(row: &'r Row, column: &str) -> &'r str {
-    row.get(column).and_then(Value::as_str).unwrap_or("")
-}
-
 fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
     for log in found {
         if let Err(why) = &log.is {
@@ -233,7 +229,7 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         );
         let own = rows.iter().filter(|r| word(r, "group") == group.id);
         for row in own {
-            match word(row, "kind") {
+            match word(row, "kind").as_str() {
                 "group" => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
                 "day" => outln!(
                     "  {}: {} {}",
@@ -260,7 +256,7 @@ fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
             )
         };
         rows.iter()
-            .filter_map(|row| match (what, word(row, "kind")) {
+            .filter_map(|row| match (what, word(row, "kind").as_str()) {
                 (FailOn::Unknown, "group") if word(row, "verdict") == "unknown" => {
                     Some(named(row, "sentence"))
                 }
