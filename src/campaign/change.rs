@@ -18,6 +18,7 @@ use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_identify::{Identification, IdentifyError, ModelChoice, Options, identify};
 use hydroline_rigs::{Dof, Rig};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -43,7 +44,7 @@ const FINE: f64 = 0.003;
 const ESTABLISHED: f64 = 0.95;
 
 /// The runs of the days before (`false`) or of the day (`true`), with their loads as a rig has them; words where they cannot be read.
-pub type LoadRuns<'a> = dyn Fn(&Rig, bool) -> Result<Vec<Run>, String> + 'a;
+pub type LoadRuns<'a> = dyn Fn(&Rig, bool) -> Result<Vec<Run>, String> + Sync + 'a;
 
 /// A coefficient as it looks where a cause with a number s acts that the rig does not know.
 type Apparent = fn(Coefficient, f64, f64, &Rig) -> f64;
@@ -134,7 +135,12 @@ pub fn change(
     hypotheses.push(scaled(per_kind, with_thrust, "thrust", "", LN_FACTOR).factor());
     // A thruster that no run drives can be anything.
     let driven = driven(rig, load)?;
-    for k in driven.iter().copied().filter(|_| driven.len() > 1) {
+    let several: &[usize] = match driven.as_slice() {
+        [_] => &[],
+        all => all,
+    };
+    // Each costs some fits of the day.
+    hypotheses.par_extend(several.par_iter().map(|&k| {
         let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
         let objective = |share: f64| -> f64 {
             let Ok(fit) = day(&with_share(&start, k, share)) else {
@@ -146,8 +152,8 @@ pub fn change(
             }
         };
         let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
-        hypotheses.push(Hypothesis::searched(&name, ln, &objective, unchanged));
-    }
+        Hypothesis::searched(&name, ln, &objective, unchanged)
+    }));
     Ok(conclude(date, since, &hypotheses, as_is.samples))
 }
 

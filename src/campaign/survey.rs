@@ -43,32 +43,6 @@ pub struct Identity {
     pub note: String,
 }
 
-/// All files named `*.mcap` below a folder, sorted by name; hidden ones and the campaign's own are left.
-///
-/// # Errors
-/// The folder cannot be read.
-pub fn logs(folder: &Path, own: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    let own = std::path::absolute(own)?;
-    let mut open = vec![folder.to_owned()];
-    while let Some(folder) = open.pop() {
-        for entry in std::fs::read_dir(&folder)? {
-            let path = entry?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with('.') || std::path::absolute(&path)? == own {
-                continue;
-            }
-            if path.is_dir() {
-                open.push(path);
-            } else if name.ends_with(".mcap") {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    Ok(found)
-}
-
 /// Looks at each file; `rig` stands for logs that carry none.
 ///
 /// # Errors

@@ -6,6 +6,7 @@ mod picture;
 mod report;
 
 use super::images::{self, GreyArgs};
+use super::many::{self, Many};
 use super::output::Output;
 use super::print::{self, errln, out};
 use super::remembered::Memory;
@@ -15,6 +16,7 @@ use hydroline_calib::calibration::board_map::Placement;
 use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::map::Method;
 use hydroline_calib::{Calibration, ImageSize, Medium};
+use hydroline_capture::ImageFolder;
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::frame::GreyRule;
 use hydroline_daemon::calibrate::{Setup, medium, rfc3339};
@@ -37,11 +39,15 @@ Examples:
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
   hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml
+  hydroline calibrate logs/ --board dots-50 --out calib.toml --update    # all logs below, when one is newer
+
+A folder of images stands for them, one without images for all logs in it and below it. A file of several that cannot be used \
+is reported, and the others are used.
 
 Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
-image or log; 3 done, but some of the given images were refused.")]
+image or log; 3 done, but some of the given images or logs were refused.")]
 pub struct Args {
-    /// Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of images
+    /// Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of them
     #[arg(required = true, value_name = "LOG|IMAGE|FOLDER")]
     inputs: Vec<PathBuf>,
     /// Board file or built-in name; default: the rig's [board]
@@ -79,6 +85,9 @@ pub struct Args {
     /// Takes every N-th frame of a log
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
     every: u32,
+    /// Leaves a calibration that is no older than its logs and images, and replaces one that is
+    #[arg(long, conflicts_with = "force")]
+    update: bool,
     /// Older calibration to compare with: drift, or another board or pose; may be repeated
     #[arg(long, value_name = "OLD.toml")]
     against: Vec<PathBuf>,
@@ -130,16 +139,25 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         .as_deref()
         .map(Board::load_or_builtin)
         .transpose()?;
-    args.output.file("--out", &args.out)?;
-    if let Some(path) = &args.annotate {
-        args.output.file("--annotate", path)?;
-    }
     let old: Vec<(&Path, Calibration)> = args
         .against
         .iter()
         .map(|path| Ok((path.as_path(), Calibration::load(path)?)))
         .collect::<Result<_, CliError>>()?;
-    let sources = collect::sources(&images::files(&args.inputs)?)?;
+    let files = files(&args.inputs)?;
+    if args.update && files.iter().all(|f| many::is_up_to_date(&args.out, f)) {
+        errln!("hydroline: {}: up to date", args.out.display());
+        return Ok(Outcome::Done);
+    }
+    let output = match args.update {
+        true => Output::replacing(true),
+        false => args.output,
+    };
+    output.file("--out", &args.out)?;
+    if let Some(path) = &args.annotate {
+        output.file("--annotate", path)?;
+    }
+    let sources = collect::sources(&files)?;
     let (rig, medium) = circumstances(args, &sources)?;
     let Some(board) = named.or_else(|| rig.as_ref().and_then(|r| r.board.clone())) else {
         return Err(CliError::Config(
@@ -178,19 +196,31 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         };
         collect::collect(&setup, &sources, &reading)?
     };
-    finish(args, &setup, &collected, &old)
+    finish(args, output, &setup, &collected, &old)
+}
+
+/// Files named, images of folders, and logs of folders without images.
+fn files(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, CliError> {
+    let has_images = |folder: &Path| ImageFolder::open(folder).is_ok();
+    let many = Many::but(inputs, many::LOG, has_images)?;
+    images::files(&many.logs)
 }
 
 /// Rig and medium, from the arguments, else from the first log.
 fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium), CliError> {
     let mut rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let mut medium = args.medium;
-    let log = sources.iter().find_map(|s| match s {
-        Source::Log(path) => Some(path),
+    let mut logs = sources.iter().filter_map(|s| match s {
+        Source::Log(path) => Some((path, LogReader::open(path))),
         Source::Image(_) => None,
     });
-    if let Some(path) = log {
-        let reader = LogReader::open(path)?;
+    // Of several logs the first that can be read speaks.
+    let first = match sources {
+        [_] => logs.next(),
+        _ => logs.find(|(_, reader)| reader.is_ok()),
+    };
+    if let Some((path, reader)) = first {
+        let reader = reader?;
         if rig.is_none()
             && let Some(text) = reader.rig_toml()
         {
@@ -212,6 +242,7 @@ fn circumstances(args: &Args, sources: &[Source]) -> Result<(Option<Rig>, Medium
 /// Fits, compares, writes and reports.
 fn finish(
     args: &Args,
+    output: Output,
     setup: &Setup,
     collected: &Collected,
     old: &[(&Path, Calibration)],
@@ -275,13 +306,12 @@ fn finish(
         status,
         against: &against,
     };
-    args.output.write(&args.out, report.file()?)?;
+    output.write(&args.out, report.file()?)?;
     if status.accepted {
         Memory::of_user().keep_and_say(setup.rig.as_ref(), &calibration);
     }
     if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
-        args.output
-            .image(path, picture::annotate(setup, image, &calibration))?;
+        output.image(path, picture::annotate(setup, image, &calibration))?;
     }
     if args.json {
         print::json(&json::Printed::of(&report))?;

@@ -1,10 +1,11 @@
 //! `hydroline campaign`: many logs, grouped, examined, fitted and compared; units of work for other machines.
 
+use super::many::{LOG, below};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress, replay};
 use hydroline_campaign::group::{Group, groups};
 use hydroline_campaign::store::Store;
-use hydroline_campaign::survey::{Found, logs, survey};
+use hydroline_campaign::survey::{Found, survey};
 use hydroline_campaign::table::{Row, csv, json_lines, rows, word};
 use hydroline_campaign::unit::{Task, Unit, units};
 use hydroline_campaign::work::Campaign;
@@ -85,14 +86,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     }
     own_folder(&args.out)?;
     inputs::folder("--out", &args.out)?;
-    let paths = logs(&args.dir, &args.out)
-        .map_err(|e| CliError::reading(&args.dir, &e, "name a folder that can be read"))?;
-    if paths.is_empty() {
-        return Err(CliError::Config(format!(
-            "{}: no log (*.mcap) in it or below it",
-            args.dir.display()
-        )));
-    }
+    let paths = logs(args)?;
     std::fs::create_dir_all(&args.out).map_err(|e| CliError::writing(&args.out, &e))?;
     let folder = args.store.clone().unwrap_or_else(|| args.out.join("store"));
     let mut store = Store::open(&folder).map_err(CliError::run)?;
@@ -162,6 +156,29 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     match found.iter().any(|f| f.is.is_err()) {
         true => Ok(Outcome::Lossy),
         false => Ok(Outcome::Done),
+    }
+}
+
+/// Logs of the folder, without those that the campaign itself has made.
+fn logs(args: &Args) -> Result<Vec<PathBuf>, CliError> {
+    let absolute =
+        |path: &Path| std::path::absolute(path).map_err(|e| CliError::reading(path, &e, ""));
+    let own = [Some(&args.out), args.store.as_ref()];
+    let own: Vec<PathBuf> = own
+        .into_iter()
+        .flatten()
+        .map(|path| absolute(path))
+        .collect::<Result<_, _>>()?;
+    let mut logs = below(&args.dir, LOG)?;
+    logs.retain(|log| {
+        std::path::absolute(log).is_ok_and(|log| !own.iter().any(|own| log.starts_with(own)))
+    });
+    match logs.is_empty() {
+        true => Err(CliError::Config(format!(
+            "{}: no log in it or below it but the campaign's own; name a folder that holds some",
+            args.dir.display()
+        ))),
+        false => Ok(logs),
     }
 }
 

@@ -24,6 +24,7 @@ mod demo;
 mod design;
 mod devices;
 mod diagnose;
+mod export;
 mod extract;
 mod flat;
 mod groups;
@@ -35,6 +36,7 @@ mod join;
 mod live;
 mod log_tools;
 mod man;
+mod many;
 mod outcome;
 mod output;
 mod paper;
@@ -141,7 +143,7 @@ Examples:
     /// Mends a cut or damaged log into a new file
     Recover(log_tools::RecoverArgs),
     /// CSV or frames out of a log
-    Export(log_tools::ExportArgs),
+    Export(export::Args),
     /// Stripes and poses from a log's images again, bit for bit
     Replay(replay::Args),
     /// Stripe points of single images
@@ -228,7 +230,7 @@ impl Cli {
             Command::Info(args) => log_tools::info(&args),
             Command::Doctor(args) => log_tools::doctor(&args),
             Command::Recover(args) => log_tools::recover(&args, build),
-            Command::Export(args) => log_tools::export(&args),
+            Command::Export(args) => export::run(&args),
             Command::Replay(args) => replay::run(&args, build),
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args, build),

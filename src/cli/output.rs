@@ -20,6 +20,11 @@ pub struct Output {
 }
 
 impl Output {
+    /// As with --force, or without.
+    pub fn replacing(force: bool) -> Self {
+        Self { force }
+    }
+
     /// Refuses a place that takes no result, before any work is done; `flag` = how the user named it.
     pub fn file(self, flag: &str, path: &Path) -> Result<(), CliError> {
         self.vacant(flag, path)?;

@@ -2,6 +2,7 @@
 
 use super::calibrated::UseArgs;
 use super::live::{self, LiveArgs, Shown};
+use super::many::{self, Many};
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, images, inputs, progress};
 use clap::{Args as _, FromArgMatches as _};
@@ -34,16 +35,20 @@ Examples:
   hydroline replay run.mcap --out run-poses.mcap
   hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
   hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
+  hydroline replay logs --out poses --update    # every log below logs/ that has no poses yet
   hydroline replay run.mcap --out run-poses.mcap --live    # http://127.0.0.1:8080
   hydroline replay frames/ --rate-hz 25 --rig my.toml --out poses.mcap    # a folder of images
   hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap
 
+A folder without images stands for all logs in it and below it. Of several logs --out is the folder in which each gets its new \
+log by its own name; a log that cannot be replayed is reported, and the others are done. --update makes it a command to repeat.
+
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
-same rig and settings, frames cannot be read, fewer than half of them have a pose, or the log's own rig, calibration or \
-session are damaged.")]
+same rig and settings, frames cannot be read, fewer than half of them have a pose, the log's own rig, calibration or \
+session are damaged, or some of several logs could not be replayed.")]
 pub struct Args {
-    /// Logs with images, or folders of images (PNG, JPEG)
+    /// Logs with images, folders of images (PNG, JPEG), or folders of logs
     #[arg(required = true, value_name = "LOG|FOLDER")]
     logs: Vec<PathBuf>,
     /// Rig to use instead of the one in the log
@@ -52,6 +57,9 @@ pub struct Args {
     /// New log; with several logs a folder, which is created
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
+    /// Leaves what is done: a new log that is whole and no older than its log
+    #[arg(long)]
+    update: bool,
     /// Topic of the logs' images; default: /camera/image, else the only one with images (of ROS 2 or Foxglove)
     #[arg(long, value_name = "TOPIC")]
     image_topic: Option<String>,
@@ -125,6 +133,18 @@ fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
 pub(super) struct Printed {
     /// The logs in the order given.
     replays: Vec<Replayed>,
+    /// Logs of several that could not be replayed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    refused: Vec<Refused>,
+}
+
+/// A log that was not replayed.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Refused {
+    /// The log, or a folder of images.
+    log: PathBuf,
+    /// Why.
+    error: String,
 }
 
 /// A log that was replayed.
@@ -142,61 +162,134 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     wanted(&args.refine)?;
     let rig = args.rig.as_deref().map(inputs::rig).transpose()?;
     let calibration = args.using.load()?;
-    // Several logs: one that is none is found before the first of them is done.
-    for log in &args.logs {
-        if log.is_dir() {
-            let folder = ImageFolder::open(log)?;
-            if let Some(words) = folder.skipped() {
-                errln!("hydroline: {words}");
-            }
-            folder.frames(args.rate_hz)?;
-        } else {
-            inputs::readable_file(log, "name a log (.mcap) with images, or a folder of them")?;
-            LogReader::open(log)?;
-        }
+    let many = Many::but(&args.logs, many::LOG, |folder| {
+        ImageFolder::open(folder).is_ok()
+    })?;
+    if many.single {
+        readable(args, &many.logs[0])?;
     }
-    if args.rate_hz.is_some() && !args.logs.iter().any(|log| log.is_dir()) {
+    if args.rate_hz.is_some() && !many.logs.iter().any(|log| log.is_dir()) {
         return Err(CliError::Config(
             "--rate-hz is for folders of images; a log says itself when its frames were true"
                 .to_owned(),
         ));
     }
     args.live.check()?;
-    let targets = targets(args)?;
+    let places = places(args, &many)?;
     let shown = args.live.start(false)?;
-    let mut reports = Vec::new();
-    let mut outcome = Outcome::Done;
-    for (log, out) in &targets {
-        let (report, made) = each(
-            args,
-            (log, out),
-            rig.as_ref(),
-            calibration.as_ref(),
-            shown.as_ref(),
-            build,
-        )?;
-        if matches!(made, Outcome::Lossy) {
-            outcome = made;
+    let of = |log: &Path| {
+        let out = many.place(&places, log);
+        if args.update && many::is_log_up_to_date(out, log) {
+            errln!("hydroline: {}: up to date", out.display());
+            return Ok(None);
         }
+        if !many.single {
+            readable(args, log)?;
+        }
+        let given = (rig.as_ref(), calibration.as_ref(), shown.as_ref());
+        let made = in_folder(&many, out, || match args.update {
+            true => anew(args, (log, out), given, build),
+            false => {
+                inputs::new_file("--out", out)?;
+                each(args, (log, out, out), given, build)
+            }
+        });
+        made.map(Some)
+    };
+    let mut reports = Vec::new();
+    let mut refused = Vec::new();
+    let report = |log: &Path, done: Option<(Report, Outcome)>| {
+        let Some((report, outcome)) = done else {
+            return Ok(Outcome::Done);
+        };
         reports.push(Replayed {
-            log: log.clone(),
-            out: out.clone(),
+            log: log.to_owned(),
+            out: many.place(&places, log).to_owned(),
             report,
         });
-    }
+        Ok(outcome)
+    };
+    let outcome = many.each(1, of, report, |log, error| {
+        refused.push(Refused {
+            log: log.to_owned(),
+            error: error.to_string(),
+        });
+        Ok(())
+    })?;
     if args.json {
-        print::json(&Printed { replays: reports })?;
+        print::json(&Printed {
+            replays: reports,
+            refused,
+        })?;
     }
     Ok(outcome)
 }
 
-/// One log into its new one.
-fn each(
+/// Makes the folder of one of several results, which does not stay where there is no result.
+fn in_folder<T>(
+    many: &Many,
+    out: &Path,
+    make: impl FnOnce() -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    let folder = match out.parent() {
+        Some(folder) if !many.single && !folder.exists() => folder,
+        _ => return make(),
+    };
+    std::fs::create_dir_all(folder).map_err(|e| CliError::writing(folder, &e))?;
+    let made = make();
+    if made.is_err() {
+        // Only an empty one goes.
+        std::fs::remove_dir(folder).ok();
+    }
+    made
+}
+
+/// Refuses what is no log and no folder of images, before any work is done.
+fn readable(args: &Args, log: &Path) -> Result<(), CliError> {
+    if log.is_dir() {
+        let folder = ImageFolder::open(log)?;
+        if let Some(words) = folder.skipped() {
+            errln!("hydroline: {words}");
+        }
+        folder.frames(args.rate_hz)?;
+    } else {
+        inputs::readable_file(log, "name a log (.mcap) with images, or a folder of them")?;
+        LogReader::open(log)?;
+    }
+    Ok(())
+}
+
+/// What is given for all logs: rig, calibration, live page.
+type ForAll<'a> = (Option<&'a Rig>, Option<&'a Calibration>, Option<&'a Shown>);
+
+/// The same in the place of an older or broken-off one, which stays until this one is whole.
+fn anew(
     args: &Args,
     (log, out): (&Path, &Path),
-    rig: Option<&Rig>,
-    calibration: Option<&Calibration>,
-    shown: Option<&Shown>,
+    given: ForAll<'_>,
+    build: BuildInfo,
+) -> Result<(Report, Outcome), CliError> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(out.file_name().unwrap_or_default());
+    name.push(".part");
+    let part = out.with_file_name(name);
+    match std::fs::remove_file(&part) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            return Err(CliError::writing(&part, &e));
+        }
+        _ => {}
+    }
+    inputs::takes_file("--out", out)?;
+    let done = each(args, (log, out, &part), given, build)?;
+    std::fs::rename(&part, out).map_err(|e| CliError::writing(out, &e))?;
+    Ok(done)
+}
+
+/// One log into its new one, written at `at`.
+fn each(
+    args: &Args,
+    (log, out, at): (&Path, &Path, &Path),
+    (rig, calibration, shown): ForAll<'_>,
     build: BuildInfo,
 ) -> Result<(Report, Outcome), CliError> {
     let mut outcome = Outcome::Done;
@@ -210,7 +303,7 @@ fn each(
         options.live = Some((live, rig.map(Box::new)));
     }
     let bar = progress::bar(0, "frames");
-    let result = replay(log, out, &options, &mut |frames| {
+    let result = replay(log, at, &options, &mut |frames| {
         bar.set_length(frames.max(bar.length().unwrap_or(0)));
         bar.set_position(frames);
     });
@@ -263,7 +356,7 @@ pub(super) fn one(log: &Path, out: &Path, build: BuildInfo) -> Result<Outcome, C
         .map_err(CliError::config)?;
     let args = Args::from_arg_matches(&matches).map_err(CliError::config)?;
     inputs::new_file("--out", out)?;
-    let (report, outcome) = each(&args, (log, out), None, None, None, build)?;
+    let (report, outcome) = each(&args, (log, out, out), (None, None, None), build)?;
     for line in gaps(&report.gaps) {
         errln!("hydroline: {}: {line}", log.display());
     }
@@ -310,27 +403,26 @@ fn lacks(report: &Report) -> Option<String> {
     })
 }
 
-fn targets(args: &Args) -> Result<Vec<(PathBuf, PathBuf)>, CliError> {
-    if let [log] = args.logs.as_slice() {
-        inputs::new_file("--out", &args.out)?;
-        return Ok(vec![(log.clone(), args.out.clone())]);
+/// Where each log's new one goes.
+fn places(args: &Args, many: &Many) -> Result<Vec<PathBuf>, CliError> {
+    if many.single {
+        if !args.update {
+            inputs::new_file("--out", &args.out)?;
+        }
+        return Ok(vec![args.out.clone()]);
     }
     inputs::folder("--out", &args.out)?;
-    std::fs::create_dir_all(&args.out).map_err(|e| CliError::writing(&args.out, &e))?;
-    let named = args.logs.iter().map(|log| {
-        let name = log
-            .file_name()
-            .ok_or_else(|| CliError::Config(format!("{}: not a file", log.display())))?;
-        let mut name = name.to_owned();
-        if log.is_dir() {
+    many.results(&args.out, |name| {
+        let mut name = name.as_os_str().to_owned();
+        let is_log = Path::new(&name)
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
+        if !is_log {
             // A folder's log is named after it.
             name.push(".mcap");
         }
-        let out = args.out.join(name);
-        inputs::new_file("--out", &out)?;
-        Ok((log.clone(), out))
-    });
-    named.collect()
+        name.into()
+    })
 }
 
 /// Rig: from --rig, else from the log's head. A log without either is extracted without plane coordinates.

@@ -6,6 +6,7 @@ use hydroline_numerics::least_squares::Normal;
 use hydroline_numerics::noise::{Noise, Series, Whitener, estimate, mask};
 use hydroline_numerics::statistics::median;
 use nalgebra::{DMatrix, DVector, Dyn};
+use rayon::prelude::*;
 
 use super::forward::{Forward, ForwardError};
 use super::parameter::Free;
@@ -258,9 +259,10 @@ impl<'a> Problem<'a> {
                     .sum(),
             })
         };
-        let total: Result<f64, ForwardError> = (0..self.forward.runs()).map(run).sum();
-        total
-            .ok()
+        let each: Result<Vec<f64>, ForwardError> =
+            (0..self.forward.runs()).into_par_iter().map(run).collect();
+        each.ok()
+            .map(|each| each.iter().sum::<f64>())
             .filter(|v| v.is_finite())
             .unwrap_or(f64::INFINITY)
     }
@@ -321,11 +323,19 @@ impl<'a> Problem<'a> {
     pub fn normal(&self, parameters: &[f64]) -> Result<Normal<Dyn>, ForwardError> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
-        for run in 0..self.forward.runs() {
-            let (residual, jacobian) = self.linearised(Objective::LeastSquares, run, parameters)?;
-            cost += 0.5 * residual.norm_squared();
+        // Runs side by side, their sums in their order: the same bits on any number of cores.
+        let runs: Result<Vec<_>, ForwardError> = (0..self.forward.runs())
+            .into_par_iter()
+            .map(|run| {
+                let (residual, jacobian) =
+                    self.linearised(Objective::LeastSquares, run, parameters)?;
+                let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
+                Ok((0.5 * residual.norm_squared(), g, h))
+            })
+            .collect();
+        for (run, (of_run, g, h)) in runs?.into_iter().enumerate() {
+            cost += of_run;
             let columns = self.columns(run);
-            let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
             for (i, ci) in columns.iter().enumerate() {
                 gradient[*ci] += g[i];
                 for (j, cj) in columns.iter().enumerate() {

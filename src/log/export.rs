@@ -73,6 +73,21 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     done
 }
 
+/// Removes what an interrupted export has left in a folder, so that it can be made anew.
+///
+/// # Errors
+/// [`LogError::Output`].
+pub fn take_back(into: &Path) -> Result<(), LogError> {
+    let part = into.join(UNFINISHED);
+    match std::fs::remove_dir_all(&part) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(LogError::Output {
+            path: part,
+            reason: e.to_string(),
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Moves the whole files from `part` to their places, once they are on the disk.
 fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogError> {
     let moved = || -> std::io::Result<()> {

@@ -63,7 +63,7 @@ pub struct Collected {
     pub looked: u64,
     /// With the board.
     pub found: u64,
-    /// Image files (not frames of logs) that were refused.
+    /// Image files (not frames of logs) and logs that were refused.
     pub refused_images: u64,
     /// Of these, files that are no image.
     pub unreadable_images: u64,
@@ -180,7 +180,17 @@ pub fn collect(
                 }
                 bar.set_position(collected.looked);
             }
-            Batch::Log(path) => log(setup, path, reading, &mut collected, &bar)?,
+            Batch::Log(path) => {
+                let done = log(setup, path, reading, &mut collected, &bar);
+                match done.map_err(|e| e.about(path)) {
+                    Err(error) if sources.len() > 1 => {
+                        bar.suspend(|| errln!("hydroline: {error}"));
+                        collected.refuse(&error.to_string());
+                        collected.refused_images += 1;
+                    }
+                    done => done?,
+                }
+            }
         }
     }
     bar.finish_and_clear();

@@ -4,8 +4,8 @@ mod fields;
 
 use super::markdown::{code, head, link, plain, table};
 use crate::{
-    calibrate, check, design, devices, extract, flat, import, log_tools, plan, predict, prove,
-    record, replay, reproduce, simulate,
+    calibrate, check, design, devices, export, extract, flat, import, log_tools, plan, predict,
+    prove, record, replay, reproduce, simulate,
 };
 use clap::Command;
 use fields::Field;
@@ -58,12 +58,12 @@ fn listed() -> Vec<Printed> {
         "record" "" record::Printed<'static>,
         "record" "With --dry-run." Preflight,
         "record" "With --until-decided." record::until::Printed<'static>,
-        "info" "" log_tools::LogInfo<'static>,
+        "info" "" log_tools::LogInfo,
         "info" "Of a log of another program that is no MCAP file." Contents,
         "doctor" "" Diagnosis,
         "recover" "" Recovery,
         "export" "" Exported,
-        "export" "With --merged." log_tools::MergedRows,
+        "export" "With --merged." export::MergedRows,
         "replay" "" replay::Printed,
         "extract" "" extract::Printed,
         "import" "" import::Printed<'static>,
