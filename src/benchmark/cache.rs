@@ -1,6 +1,8 @@
-//! Judged cases in a folder: a proof of hours can be broken off and gone on with.
+//! Judged cases in a folder: a proof of hours can be broken off and gone on with, and done by several machines.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -8,11 +10,17 @@ use super::case::Category;
 use super::error::ProveError;
 use super::judge::Judged;
 
-/// A folder of cases of one seed, `ID.json` each: `{"id", "seed", "observed", "judged"}`.
-#[derive(Debug, Clone)]
+/// The rules by which cases are judged: a new number where the same verdict would be judged otherwise.
+pub const JUDGE: u32 = 1;
+
+/// A folder of cases of one seed, `ID.json` each: `{"id", "seed", "build", "judge", "observed", "judged"}`.
+#[derive(Debug)]
 pub struct Kept {
     folder: PathBuf,
     seed: u64,
+    build: String,
+    /// Builds other than this one whose cases were taken.
+    others: Mutex<BTreeSet<String>>,
 }
 
 /// What stands in a file.
@@ -20,6 +28,12 @@ pub struct Kept {
 struct Sheet<T> {
     id: String,
     seed: u64,
+    /// The program that diagnosed it: version and commit; empty = it did not say.
+    #[serde(default)]
+    build: String,
+    /// See [`JUDGE`].
+    #[serde(default = "first")]
+    judge: u32,
     /// Whether the ideal observer was asked; `prove --only` always asks it.
     #[serde(default = "yes")]
     observed: bool,
@@ -30,17 +44,29 @@ fn yes() -> bool {
     true
 }
 
+fn first() -> u32 {
+    1
+}
+
 impl Kept {
     /// The folder, made where there is none.
     ///
     /// # Errors
     /// [`ProveError::Kept`].
-    pub fn new(folder: &Path, seed: u64) -> Result<Self, ProveError> {
+    pub fn new(folder: &Path, seed: u64, build: &str) -> Result<Self, ProveError> {
         std::fs::create_dir_all(folder).map_err(|e| broken(folder, &e))?;
         Ok(Kept {
             folder: folder.to_owned(),
             seed,
+            build: build.to_owned(),
+            others: Mutex::default(),
         })
+    }
+
+    /// Builds other than this one that diagnosed cases which were read: what is scored is not one program.
+    pub fn other_builds(&self) -> Vec<String> {
+        let others = self.others.lock().unwrap_or_else(PoisonError::into_inner);
+        others.iter().cloned().collect()
     }
 
     fn path(&self, id: &str) -> PathBuf {
@@ -58,6 +84,24 @@ impl Kept {
         // Of these the observer says nothing anyway.
         let silent = matches!(sheet.judged.category, Category::Fault | Category::Paper);
         Ok((sheet.observed || silent || !observe).then_some(sheet.judged))
+    }
+
+    /// A case of another kind as it was judged, else run now and laid down.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn or_run<T: Serialize + DeserializeOwned>(
+        kept: Option<&Self>,
+        id: &str,
+        run: impl FnOnce() -> Result<T, ProveError>,
+    ) -> Result<T, ProveError> {
+        let Some(kept) = kept else { return run() };
+        if let Some(judged) = kept.read_other(id)? {
+            return Ok(judged);
+        }
+        let judged = run()?;
+        kept.write_other(id, &judged)?;
+        Ok(judged)
     }
 
     /// The same of cases of another kind, which have no observer.
@@ -88,6 +132,23 @@ impl Kept {
                 ),
             });
         }
+        if sheet.judge != JUDGE {
+            return Err(ProveError::Kept {
+                path: path.display().to_string(),
+                reason: format!(
+                    "was judged by the rules of version {}, this build has {JUDGE}; name another folder with --keep",
+                    sheet.judge
+                ),
+            });
+        }
+        if sheet.build != self.build {
+            let name = match sheet.build.as_str() {
+                "" => "a build that did not say which",
+                named => named,
+            };
+            let mut others = self.others.lock().unwrap_or_else(PoisonError::into_inner);
+            others.insert(name.to_owned());
+        }
         Ok(Some(sheet))
     }
 
@@ -112,6 +173,8 @@ impl Kept {
         let sheet = Sheet {
             id: id.to_owned(),
             seed: self.seed,
+            build: self.build.clone(),
+            judge: JUDGE,
             observed,
             judged,
         };
@@ -120,7 +183,8 @@ impl Kept {
             reason,
         };
         let text = serde_json::to_string(&sheet).map_err(|e| failed(e.to_string()))?;
-        let part = path.with_extension("json.part");
+        // Another process may be at the same case.
+        let part = path.with_extension(format!("{}.part", std::process::id()));
         std::fs::write(&part, text)
             .and_then(|()| std::fs::rename(&part, &path))
             .map_err(|e| failed(e.to_string()))
@@ -142,15 +206,27 @@ mod tests {
     #[test]
     fn a_kept_case_is_read_back_as_it_was_judged_and_only_for_its_own_seed() {
         let dir = tempfile::tempdir().unwrap();
-        let kept = Kept::new(&dir.path().join("new"), 5).unwrap();
+        let kept = Kept::new(&dir.path().join("new"), 5, "1 (a)").unwrap();
         assert!(kept.read("fault-0", true).unwrap().is_none());
         let judged = judge(&make(5, Category::Fault, 0).unwrap(), How::default()).unwrap();
         kept.write(&judged, false).unwrap();
         let back = kept.read("fault-0", true).unwrap().unwrap();
         let text = |j: &Judged| serde_json::to_string(j).unwrap();
         assert_eq!(text(&back), text(&judged));
+        assert!(kept.other_builds().is_empty());
 
-        let other = Kept::new(&dir.path().join("new"), 6).unwrap();
+        // Of another build it is taken, and that is known; judged by other rules it is not.
+        let later = Kept::new(&dir.path().join("new"), 5, "1 (b)").unwrap();
+        assert!(later.read("fault-0", true).unwrap().is_some());
+        assert_eq!(later.other_builds(), ["1 (a)"]);
+        let path = dir.path().join("new/fault-0.json");
+        let sheet = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, sheet.replacen("\"judge\":1", "\"judge\":9", 1)).unwrap();
+        let said = later.read("fault-0", true).unwrap_err().to_string();
+        assert!(said.contains("rules of version 9"), "{said}");
+        std::fs::write(&path, sheet).unwrap();
+
+        let other = Kept::new(&dir.path().join("new"), 6, "1 (a)").unwrap();
         let said = other.read("fault-0", true).unwrap_err().to_string();
         assert!(said.contains("seed 5") && said.contains("--keep"), "{said}");
         std::fs::write(dir.path().join("new/fault-1.json"), "{}").unwrap();

@@ -62,18 +62,9 @@ pub fn run(
     done: &(dyn Fn(&CoupledJudged) + Sync),
 ) -> Result<Vec<CoupledJudged>, ProveError> {
     let one = |index: &usize| -> Result<CoupledJudged, ProveError> {
-        let id = format!("coupled-{index}");
-        let known = kept.map(|k| k.read_other(&id)).transpose()?.flatten();
-        let judged = match known {
-            Some(judged) => judged,
-            None => {
-                let (judged, _) = judge(&make(seed, *index)?)?;
-                if let Some(kept) = kept {
-                    kept.write_other(&id, &judged)?;
-                }
-                judged
-            }
-        };
+        let judged = Kept::or_run(kept, &format!("coupled-{index}"), || {
+            Ok(judge(&make(seed, *index)?)?.0)
+        })?;
         done(&judged);
         Ok(judged)
     };

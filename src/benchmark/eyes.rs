@@ -82,7 +82,7 @@ fn of_image_cases() {
     let (from, count) = (var("FROM", 0), var("COUNT", 3));
     let indices: Vec<usize> = (from..from + count).collect();
     let done = |j: &super::images::ImageJudged| println!("{}: {j:?}\n", j.index);
-    let judged = super::images::run(var("SEED", 1) as u64, &indices, &done).unwrap();
+    let judged = super::images::run(var("SEED", 1) as u64, &indices, None, &done).unwrap();
     println!("{}", super::images::words(&judged));
 }
 

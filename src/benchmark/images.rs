@@ -14,6 +14,7 @@ mod size;
 pub use make::{EFFECTS, ImageCase, NONE, make};
 pub use size::{Moved, moved};
 
+use super::cache::Kept;
 use super::error::ProveError;
 use super::score::Rate;
 use hydroline_diagnose::profiles::findings::{Findings, ImageError, explain};
@@ -26,7 +27,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// A case after its diagnosis.
-#[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct ImageJudged {
     /// Number.
     pub index: usize,
@@ -39,8 +40,10 @@ pub struct ImageJudged {
     /// rms error of the poses after over that of the frames without the effects, mean over the six numbers' squares.
     pub pose_ratio: Option<f64>,
     /// How far it moves the pose of a frame, largest of six in its own sds.
+    #[serde(deserialize_with = "number_or_nan")]
     pub moves_sds: f64,
     /// The same of x, y and z alone.
+    #[serde(deserialize_with = "number_or_nan")]
     pub moves_position_sds: f64,
     /// What was named.
     pub found: Vec<String>,
@@ -49,6 +52,7 @@ pub struct ImageJudged {
     /// The verdict's word.
     pub word: Word,
     /// Log odds over nothing.
+    #[serde(deserialize_with = "number_or_nan")]
     pub log_odds: f64,
     /// The truth named, nothing else, and nothing that is not distinguished from it.
     pub right: bool,
@@ -60,20 +64,28 @@ pub struct ImageJudged {
     pub seconds: f64,
 }
 
-/// Makes, diagnoses and scores cases; `done` is called with each.
+/// JSON has no word for a number that is none.
+fn number_or_nan<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(<Option<f64> as serde::Deserialize>::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+/// Makes, diagnoses and scores cases; `done` is called with each. With `kept`, a case that lies there is not run again, and
+/// each that was run is laid there.
 ///
 /// # Errors
 /// [`ProveError`].
 pub fn run(
     seed: u64,
     indices: &[usize],
+    kept: Option<&Kept>,
     done: &(dyn Fn(&ImageJudged) + Sync),
 ) -> Result<Vec<ImageJudged>, ProveError> {
     indices
         .par_iter()
         .map(|index| {
-            let case = make(seed, *index)?;
-            let (judged, _) = judge(&case)?;
+            let judged = Kept::or_run(kept, &format!("image-{index}"), || {
+                Ok(judge(&make(seed, *index)?)?.0)
+            })?;
             done(&judged);
             Ok(judged)
         })

@@ -241,7 +241,7 @@ impl Cli {
             Command::Simulate(args) => simulate::run(&args, build),
             Command::Reproduce(args) => reproduce::run(&args),
             Command::Campaign(args) => campaign::run(&args, build),
-            Command::Prove(args) => prove::run(&args),
+            Command::Prove(args) => prove::run(&args, build),
             Command::Completions(args) => completions::run(&args, build),
             Command::Man(args) => man::run(&args, build),
             Command::SimController(args) => sim_controller::run(&args),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::print::{self, errln, out};
+use super::print::{self, errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
 use hydroline_benchmark::case::Truth;
@@ -19,6 +19,7 @@ use hydroline_benchmark::{Case, coupled, export, images};
 use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
+use hydroline_core::build_info::BuildInfo;
 use hydroline_diagnose::verdict::Verdict;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -41,6 +42,12 @@ Examples:
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
   hydroline prove --cases 46 --export cases  # tables for other tools, keys apart
 
+Other machines: --list prints the cases that --keep does not hold yet, one per line, and `--only ID --keep DIR` does one. DIR may \
+be one shared folder, or folders copied together; then the first command prints the score.
+  hydroline prove --cases 46 --keep proof --list > ids
+  xargs -P 2 -I ID hydroline prove --only ID --keep proof < ids
+  hydroline prove --cases 46 --keep proof
+
 Exit codes: 0 done, whatever the score; 1 a case could not be made or diagnosed; 2 bad arguments, or --keep holds \
 other cases.")]
 pub struct Args {
@@ -53,9 +60,13 @@ pub struct Args {
     /// Seed of all cases
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// One case by its id (image-N: of the image level, coupled-N), with its whole verdict and its key (as one JSON object)
+    /// One case by its id (image-N: of the image level, coupled-N), with its whole verdict and its key (as one JSON object);
+    /// with --keep it is laid there and nothing is printed; repeatable then
     #[arg(long, value_name = "ID", conflicts_with_all = ["cases", "category"])]
-    only: Option<String>,
+    only: Vec<String>,
+    /// Prints the ids of the cases that are not in --keep, one per line
+    #[arg(long, conflicts_with_all = ["only", "export", "json"])]
+    list: bool,
     /// This many image-level cases instead: six effects and none in turn
     #[arg(long, value_parser = some(), value_name = "N", conflicts_with_all = ["cases", "category", "only"])]
     images: Option<usize>,
@@ -63,8 +74,8 @@ pub struct Args {
     #[arg(long, value_parser = some(), value_name = "N", conflicts_with_all = ["cases", "category", "only", "images"])]
     coupled: Option<usize>,
     /// Folder for each judged case: what lies there already is not run again, so a long proof can be broken off
-    /// (an old build's cases are taken too: one folder per build)
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["only", "images"])]
+    /// (cases of another build are taken, and reported)
+    #[arg(long, value_name = "DIR")]
     keep: Option<std::path::PathBuf>,
     /// Folder for the cases as tables for other tools (motion, loads, what each candidate law does along a run), their keys
     /// apart in DIR/keys; nothing is diagnosed
@@ -83,22 +94,34 @@ fn some() -> RangedU64ValueParser<usize> {
     RangedU64ValueParser::new().range(1..)
 }
 
-pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    if let Some(id) = &args.only {
-        return only(args, id);
-    }
-    if let Some(count) = args.images {
-        return images(args, count);
-    }
+pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     if let Some(folder) = &args.keep {
         inputs::folder("--keep", folder)?;
+    }
+    let kept = kept(args, build)?;
+    if args.list {
+        return list(args, kept.as_ref());
+    }
+    match (args.only.as_slice(), &kept) {
+        ([], _) => {}
+        (ids, Some(kept)) => return keep(args, ids, kept),
+        ([id], None) => return only(args, id),
+        _ => {
+            return Err(CliError::Config(
+                "--only: several cases at once only with --keep DIR, the folder for them"
+                    .to_owned(),
+            ));
+        }
+    }
+    if let Some(count) = args.images {
+        return images(args, count, kept.as_ref());
     }
     if let Some(folder) = &args.export {
         inputs::folder("--export", folder)?;
         return exported(args, folder);
     }
     if let Some(count) = args.coupled {
-        return coupled(args, count);
+        return coupled(args, count, kept.as_ref());
     }
     let ids = catalogue(args.cases, args.category);
     let bar = progress::bar(ids.len() as u64, "cases");
@@ -109,9 +132,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let kept = kept(args)?;
     let judged = prove(args.seed, &ids, how(args), kept.as_ref(), &done)?;
     bar.finish_and_clear();
+    say_other_builds(kept.as_ref());
     let total = score(&judged);
     if args.json {
         let (seed, score, cases) = (args.seed, &total, judged.as_slice());
@@ -179,9 +202,100 @@ fn key(case: &Case) -> Key<'_> {
     }
 }
 
-fn kept(args: &Args) -> Result<Option<Kept>, CliError> {
+fn kept(args: &Args, build: BuildInfo) -> Result<Option<Kept>, CliError> {
     let folder = args.keep.as_ref();
-    Ok(folder.map(|f| Kept::new(f, args.seed)).transpose()?)
+    let kept = folder.map(|f| Kept::new(f, args.seed, &build.to_string()));
+    Ok(kept.transpose()?)
+}
+
+fn say_other_builds(kept: Option<&Kept>) {
+    let others = kept.map(Kept::other_builds).unwrap_or_default();
+    if !others.is_empty() {
+        errln!(
+            "hydroline: some of the cases were diagnosed by other builds: {}",
+            others.join(", ")
+        );
+    }
+}
+
+/// Ids of the cases that are asked for, and whether each is kept.
+fn list(args: &Args, kept: Option<&Kept>) -> Result<Outcome, CliError> {
+    let other = |prefix: &str, count: usize| -> Vec<String> {
+        (0..count).map(|k| format!("{prefix}-{k}")).collect()
+    };
+    let ids = match (args.images, args.coupled) {
+        (Some(count), _) => other("image", count),
+        (None, Some(count)) => other("coupled", count),
+        (None, None) => {
+            let ids = catalogue(args.cases, args.category);
+            ids.iter()
+                .map(|(category, k)| format!("{}-{k}", category.name()))
+                .collect()
+        }
+    };
+    for id in ids {
+        let is_there = match (kept, Unit::of(&id)?) {
+            (None, _) => false,
+            (Some(kept), Unit::Image(_)) => kept.read_other::<ImageJudged>(&id)?.is_some(),
+            (Some(kept), Unit::Coupled(_)) => kept.read_other::<CoupledJudged>(&id)?.is_some(),
+            (Some(kept), Unit::Case(..)) => kept.read(&id, !args.no_ideal)?.is_some(),
+        };
+        if !is_there {
+            outln!("{id}");
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// A case by its id.
+#[derive(Debug, Clone, Copy)]
+enum Unit {
+    Image(usize),
+    Coupled(usize),
+    Case(Category, usize),
+}
+
+impl Unit {
+    fn of(id: &str) -> Result<Self, CliError> {
+        let number = |prefix: &str| id.strip_prefix(prefix).and_then(|n| n.parse().ok());
+        if let Some(index) = number("image-") {
+            return Ok(Self::Image(index));
+        }
+        if let Some(index) = number("coupled-") {
+            return Ok(Self::Coupled(index));
+        }
+        let (category, index) = parse(id)?;
+        Ok(Self::Case(category, index))
+    }
+}
+
+/// Cases for a proof that other processes work at too.
+fn keep(args: &Args, ids: &[String], kept: &Kept) -> Result<Outcome, CliError> {
+    let units: Vec<Unit> = ids
+        .iter()
+        .map(|id| Unit::of(id))
+        .collect::<Result<_, _>>()?;
+    for unit in units {
+        let line = match unit {
+            Unit::Image(index) => {
+                let judged = images::run(args.seed, &[index], Some(kept), &|_| ())?;
+                judged.first().and_then(images::complaint)
+            }
+            Unit::Coupled(index) => {
+                let judged = coupled::run(args.seed, &[index], Some(kept), &|_| ())?;
+                judged.first().and_then(coupled::complaint)
+            }
+            Unit::Case(category, index) => {
+                let case = [(category, index)];
+                let judged = prove(args.seed, &case, how(args), Some(kept), &|_| ())?;
+                judged.first().and_then(complaint)
+            }
+        };
+        if let Some(line) = line {
+            errln!("{line}");
+        }
+    }
+    Ok(Outcome::Done)
 }
 
 fn how(args: &Args) -> How {
@@ -190,7 +304,7 @@ fn how(args: &Args) -> How {
     }
 }
 
-fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
+fn images(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
     let bar = progress::bar(count as u64, "image cases");
     let indices: Vec<usize> = (0..count).collect();
     let done = |j: &images::ImageJudged| {
@@ -199,8 +313,9 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let judged = images::run(args.seed, &indices, &done)?;
+    let judged = images::run(args.seed, &indices, kept, &done)?;
     bar.finish_and_clear();
+    say_other_builds(kept);
     if args.json {
         let (seed, images) = (args.seed, judged.as_slice());
         print::json(&ProvedImages { seed, images })?;
@@ -210,7 +325,7 @@ fn images(args: &Args, count: usize) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
+fn coupled(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
     let bar = progress::bar(count as u64, "coupled cases");
     let indices: Vec<usize> = (0..count).collect();
     let done = |j: &coupled::CoupledJudged| {
@@ -219,9 +334,9 @@ fn coupled(args: &Args, count: usize) -> Result<Outcome, CliError> {
         }
         bar.inc(1);
     };
-    let kept = kept(args)?;
-    let judged = coupled::run(args.seed, &indices, kept.as_ref(), &done)?;
+    let judged = coupled::run(args.seed, &indices, kept, &done)?;
     bar.finish_and_clear();
+    say_other_builds(kept);
     if args.json {
         let (seed, coupled) = (args.seed, judged.as_slice());
         print::json(&ProvedCoupled { seed, coupled })?;
@@ -335,13 +450,11 @@ fn only_image(args: &Args, index: usize) -> Result<Outcome, CliError> {
 }
 
 fn only(args: &Args, id: &str) -> Result<Outcome, CliError> {
-    if let Some(index) = id.strip_prefix("image-").and_then(|n| n.parse().ok()) {
-        return only_image(args, index);
-    }
-    if let Some(index) = id.strip_prefix("coupled-").and_then(|n| n.parse().ok()) {
-        return only_coupled(args, index);
-    }
-    let (category, index) = parse(id)?;
+    let (category, index) = match Unit::of(id)? {
+        Unit::Image(index) => return only_image(args, index),
+        Unit::Coupled(index) => return only_coupled(args, index),
+        Unit::Case(category, index) => (category, index),
+    };
     let case = make(args.seed, category, index)?;
     let judged = judge(&case, how(args))?;
     let key = key(&case);

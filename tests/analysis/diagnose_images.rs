@@ -123,7 +123,7 @@ fn a_handful_of_our_own_cases() {
 }
 
 fn come_out_right(cases: &[usize]) -> Vec<images::ImageJudged> {
-    let judged = images::run(2, cases, &|_| {}).unwrap();
+    let judged = images::run(2, cases, None, &|_| {}).unwrap();
     for line in judged.iter().filter_map(images::complaint) {
         println!("{line}");
     }

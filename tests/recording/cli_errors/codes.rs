@@ -361,6 +361,11 @@ const VALUES: &[(&str, &[&str])] = &[
     ("campaign OUTno --out OUTc", &["no such folder"]),
     ("prove --cases 0", &["--cases", "1"]),
     ("prove --only single", &["single"]),
+    (
+        "prove --only single-0 --only single-1",
+        &["--only", "--keep"],
+    ),
+    ("prove --cases 2 --list --json", &["--list", "--json"]),
     ("prove --cases 1 --keep LOG", &["--keep", "not a folder"]),
     ("completions bahs", &["bash"]),
     ("man --out LOG", &["--out", "not a folder"]),
