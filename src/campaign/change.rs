@@ -12,11 +12,13 @@
 //! never fitted well makes no change). Evidence by Laplace's method over s (Gelman et al. 2013, ch. 13); beside the causes stand
 //! "nothing changed" (s fixed) and "something else" (θ_d free, with a broad prior).
 
-use crate::sheet::{Cause, Change, Coefficients};
+use crate::sheet::{Cause, Change, Coefficients, Number};
 use hydroline_identify::data::Run;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::{Coefficient, Term};
-use hydroline_identify::{Identification, IdentifyError, ModelChoice, Options, identify};
+use hydroline_identify::{
+    Identification, IdentifyError, ModelChoice, Options, Refitted, identify, refit,
+};
 use hydroline_rigs::{Dof, Rig};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -91,23 +93,24 @@ pub fn change(
     let before = fit(&load(rig, false)?, rig).map_err(words)?;
     let shown = shown(&before);
     let reference = Coefficients::of(&before);
-    let mut start = rig.clone();
-    for (key, number) in &reference.numbers {
-        if let Some(c) = Coefficient::find(key) {
-            c.put(&mut start.vehicle, number.value);
-        }
-    }
-    let day = |rig: &Rig| -> Result<DayFit, String> {
+    let start = at(rig, &reference);
+    // The day's noise and which coefficients it determines are found once; each cause is a fit with these.
+    let own = fit(&load(&start, true)?, &start).map_err(words)?;
+    let at_own = at(&start, &Coefficients::of(&own));
+    let day = |rig: &Rig| -> Result<(Refitted, f64, f64), String> {
         let runs = load(rig, true)?;
-        let found = fit(&runs, rig).map_err(words)?;
+        let found = refit(&runs, rig, &own).map_err(words)?;
         let (chi2, samples) = chi2(&found, &runs, &shown);
-        Ok(DayFit {
-            coefficients: Coefficients::of(&found),
-            chi2,
-            samples,
-        })
+        Ok((found, chi2, samples))
     };
-    let as_is = day(&start)?;
+    let (as_is, chi2_as_is, samples) = day(&at_own)?;
+    // What the whole fit knows beside the noise (misfit, errors that poses share) widens each of these alike.
+    let wider = Wider::of(&Coefficients::of(&own), &as_is);
+    let as_is = DayFit {
+        coefficients: wider.apply(&as_is),
+        chi2: chi2_as_is,
+        samples,
+    };
     let compared = Compared::of(&reference, &as_is.coefficients)
         .ok_or("no coefficient is determined on both sides")?;
     let unchanged = as_is.chi2 + compared.distance(&|_, v| v);
@@ -143,11 +146,11 @@ pub fn change(
     hypotheses.par_extend(several.par_iter().map(|&k| {
         let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
         let objective = |share: f64| -> f64 {
-            let Ok(fit) = day(&with_share(&start, k, share)) else {
+            let Ok((fit, chi2, _)) = day(&with_share(&at_own, k, share)) else {
                 return f64::INFINITY;
             };
-            match Compared::of(&reference, &fit.coefficients) {
-                Some(c) => fit.chi2 + c.distance(&|_, v| v),
+            match Compared::of(&reference, &wider.apply(&fit)) {
+                Some(c) => chi2 + c.distance(&|_, v| v),
                 None => f64::INFINITY,
             }
         };
@@ -155,6 +158,68 @@ pub fn change(
         Hypothesis::searched(&name, ln, &objective, unchanged)
     }));
     Ok(conclude(date, since, &hypotheses, as_is.samples))
+}
+
+/// The rig with these coefficients.
+fn at(rig: &Rig, coefficients: &Coefficients) -> Rig {
+    let mut with = rig.clone();
+    for (key, number) in &coefficients.numbers {
+        if let Some(c) = Coefficient::find(key) {
+            c.put(&mut with.vehicle, number.value);
+        }
+    }
+    with
+}
+
+/// Covariance of a whole fit beyond that of its noise alone.
+struct Wider(BTreeMap<(String, String), f64>);
+
+impl Wider {
+    fn of(whole: &Coefficients, noise_alone: &Refitted) -> Self {
+        let at = |key: &String| noise_alone.order.iter().position(|k| k == key);
+        let mut more = BTreeMap::new();
+        for (i, a) in whole.order.iter().enumerate() {
+            for (j, b) in whole.order.iter().enumerate() {
+                if let (Some(k), Some(l)) = (at(a), at(b)) {
+                    let beyond = whole.covariance[i][j] - noise_alone.covariance[k][l];
+                    more.insert((a.clone(), b.clone()), beyond);
+                }
+            }
+        }
+        Self(more)
+    }
+
+    /// Coefficients of a refit, of those that the whole fit knows too.
+    fn apply(&self, found: &Refitted) -> Coefficients {
+        let known = |key: &String| self.0.contains_key(&(key.clone(), key.clone()));
+        let kept: Vec<usize> = (0..found.order.len())
+            .filter(|k| known(&found.order[*k]) && found.covariance[*k][*k].is_finite())
+            .collect();
+        let entry = |i: usize, j: usize| {
+            let pair = (found.order[i].clone(), found.order[j].clone());
+            found.covariance[i][j] + self.0.get(&pair).copied().unwrap_or(0.0)
+        };
+        let number = |k: &usize| {
+            let key = &found.order[*k];
+            let number = Number {
+                value: *found.values.get(key)?,
+                sd: Some(entry(*k, *k).sqrt()),
+                low: None,
+                high: None,
+                rig: f64::NAN,
+            };
+            Some((key.clone(), number))
+        };
+        Coefficients {
+            numbers: kept.iter().filter_map(number).collect(),
+            order: kept.iter().map(|k| found.order[*k].clone()).collect(),
+            covariance: kept
+                .iter()
+                .map(|i| kept.iter().map(|j| entry(*i, *j)).collect())
+                .collect(),
+            ..Coefficients::default()
+        }
+    }
 }
 
 /// The rig with a thruster that gives a share of its thrust.
@@ -244,16 +309,16 @@ fn shown(found: &Identification) -> Shown {
 
 /// Chi-square of a day's fit, and how many independent samples it is of: an autocorrelation of time τ leaves one in
 /// 1 + 2τ/Δt (Priestley 1981, 5.3).
-fn chi2(found: &Identification, runs: &[Run], shown: &Shown) -> (f64, f64) {
+fn chi2(found: &Refitted, runs: &[Run], shown: &Shown) -> (f64, f64) {
     let (mut chi2, mut samples) = (0.0, 0.0);
-    for run in &found.runs {
+    for (name, count, rms) in &found.runs {
         let interval_s = runs
             .iter()
-            .find(|r| r.name == run.name)
+            .find(|r| r.name == *name)
             .and_then(Run::interval_s)
             .unwrap_or(1.0);
-        let n = run.samples as f64 / (1.0 + 2.0 * shown.correlation_s / interval_s);
-        for (channel, rms) in &run.rms {
+        let n = *count as f64 / (1.0 + 2.0 * shown.correlation_s / interval_s);
+        for (channel, rms) in rms {
             if let Some(sd) = shown.sd.get(channel).filter(|sd| **sd > 0.0) {
                 chi2 += n * (rms / sd).powi(2);
                 samples += n;

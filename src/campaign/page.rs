@@ -70,7 +70,7 @@ fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, rows
     }
     let whole = unit(Task::Group { group: g }).and_then(|u| campaign.store.get::<SetSheet>(&u.key));
     if let Some(sheet) = &whole {
-        b.subsection("All runs together");
+        b.subsection("Runs together, since the last change");
         match &sheet.diagnosed {
             Ok(found) => b.paragraph(found.sentence.clone()),
             Err(why) => b.paragraph(why.clone()),

@@ -250,6 +250,13 @@ pub struct Change {
     pub sentence: String,
 }
 
+impl Change {
+    /// Whether something changed, more likely than not.
+    pub fn is_one(&self) -> bool {
+        self.same_probability < 0.5
+    }
+}
+
 /// A group's changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChangeSheet {

@@ -7,8 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Versions of what a unit finds: a new number where the same build would find something else than before.
 const RUN: &str = "run/1";
-const SET: &str = "set/1";
-const CHANGES: &str = "changes/1";
+const SET: &str = "set/2";
+const CHANGES: &str = "changes/2";
 
 /// What is to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub enum Task {
         /// Place among its days.
         day: usize,
     },
-    /// All logs of a group together.
+    /// All logs of a group since the last change, together.
     Group {
         /// Place among the groups.
         group: usize,
@@ -72,6 +72,7 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
     }
     for (g, group) in groups.iter().enumerate() {
         let mut all: Vec<usize> = Vec::new();
+        let mut days: Vec<usize> = Vec::new();
         for (d, day) in group.days.iter().enumerate() {
             let needs = needed(&day.logs, &of_log);
             all.extend(&needs);
@@ -83,14 +84,9 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
                     task: Task::Day { group: g, day: d },
                     needs,
                 });
+                days.push(units.len() - 1);
             }
         }
-        units.push(Unit {
-            name: format!("group-{}", group.id),
-            key: joint_key(SET, &units, &all, build),
-            task: Task::Group { group: g },
-            needs: all.clone(),
-        });
         if group.days.len() > 1 {
             let mut key = Key::of(CHANGES).with(build);
             for day in &group.days {
@@ -103,9 +99,20 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
                 name: format!("changes-{}", group.id),
                 key: key.name(),
                 task: Task::Changes { group: g },
-                needs: all,
+                needs: all.clone(),
             });
+            days.push(units.len() - 1);
         }
+        let mut key = Key::of(SET).with(build).with(CHANGES);
+        for day in &group.days {
+            key = key.with(&joint_key(SET, &units, &needed(&day.logs, &of_log), build));
+        }
+        units.push(Unit {
+            name: format!("group-{}", group.id),
+            key: key.name(),
+            task: Task::Group { group: g },
+            needs: all.into_iter().chain(days).collect(),
+        });
     }
     units
 }

@@ -15,8 +15,9 @@ use hydroline_rigs::{Dof, Rig};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Runs of one fit at most: beyond, time grows and intervals hardly shrink. Chosen evenly over time, and said.
-const RUNS_MAX: usize = 24;
+/// Runs of one fit at most: beyond, time grows with their number and intervals shrink with its root. Chosen evenly over time,
+/// and reported.
+const RUNS_MAX: usize = 12;
 /// A run is called an outlier where the others predict it this many times worse than the median run.
 const OUTLIER: f64 = 3.0;
 
@@ -81,9 +82,11 @@ impl Campaign<'_> {
         }
         match unit.task {
             Task::Run { log } => self.store.put(&unit.key, &self.run(unit, log)?)?,
-            Task::Day { group, .. } | Task::Group { group } => {
-                self.store.put(&unit.key, &self.set(unit, group)?)?;
+            Task::Day { group, .. } => {
+                self.store
+                    .put(&unit.key, &self.set(&unit.needs, group, Vec::new())?)?;
             }
+            Task::Group { group } => self.store.put(&unit.key, &self.group(unit, group)?)?,
             Task::Changes { group } => self.store.put(&unit.key, &self.changes(group)?)?,
         }
         Ok(())
@@ -225,9 +228,56 @@ impl Campaign<'_> {
         (kept, left)
     }
 
-    fn set(&self, unit: &Unit, group: usize) -> Result<SetSheet, WorkError> {
+    /// Runs since the last change: those before it are another body.
+    fn group(&self, unit: &Unit, group: usize) -> Result<SetSheet, WorkError> {
+        let of = &self.groups[group];
+        let needs = |wanted: Task| -> Option<&Unit> {
+            let mut all = unit.needs.iter().map(|k| &self.units[*k]);
+            all.find(|u| u.task == wanted)
+        };
+        let changes = needs(Task::Changes { group });
+        let sheet = changes.and_then(|u| self.store.get::<ChangeSheet>(&u.key));
+        let last = sheet
+            .iter()
+            .flat_map(|s| s.changes.iter().flatten())
+            .rfind(|c| c.is_one());
+        let first = last.map_or(0, |c| {
+            let at = of.days.iter().position(|d| d.date == c.date);
+            at.unwrap_or(0)
+        });
+        let earlier = last.map(|c| format!("runs before {}: {}", c.date, c.sentence));
+        let alone = Task::Day { group, day: first };
+        if first > 0
+            && first + 1 == of.days.len()
+            && let Some(day) = needs(alone).and_then(|u| self.store.get::<SetSheet>(&u.key))
+        {
+            // One day since: what that day's own sheet says.
+            let left = earlier.into_iter().chain(day.left).collect();
+            return Ok(SetSheet { left, ..day });
+        }
+        let mut runs: Vec<usize> = match of.days.len() {
+            1 => unit.needs.clone(),
+            days => (first..days)
+                .filter_map(|day| needs(Task::Day { group, day }))
+                .flat_map(|u| u.needs.clone())
+                .collect(),
+        };
+        // A copy of a log counts once.
+        let mut seen = std::collections::BTreeSet::new();
+        runs.retain(|k| seen.insert(*k));
+        self.set(&runs, group, earlier.into_iter().collect())
+    }
+
+    /// Runs together; `left` = what was left for another reason.
+    fn set(
+        &self,
+        runs: &[usize],
+        group: usize,
+        mut left: Vec<String>,
+    ) -> Result<SetSheet, WorkError> {
         let rig = self.rig(&self.groups[group].rig_toml)?;
-        let (kept, left) = self.usable(&unit.needs);
+        let (kept, unusable) = self.usable(runs);
+        left.extend(unusable);
         let runs: Result<Vec<Run>, String> = kept
             .iter()
             .map(|(log, path)| {
@@ -301,7 +351,7 @@ impl Campaign<'_> {
                 }
             });
             match &found {
-                Ok(c) if c.same_probability < 0.5 => since = vec![day],
+                Ok(c) if c.is_one() => since = vec![day],
                 _ => since.push(day),
             }
             changes.push(found.map_err(|e| format!("{}: {e}", of.days[day].date)));

@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Logs are found below DIR (*.mcap) and grouped by the rig that they carry, their calibration and their water; days are \
-UTC. Each run: doctor, replay where there are images and no motion, identify, diagnose. Each day and each group: the same of \
-all its runs together. Between days: which single change (mass, damping, thrust, one thruster) explains the later one. A log \
+UTC. Each run: doctor, replay where there are images and no motion, identify, diagnose. Each day, and each group since its last \
+change: the same of all its runs together. Between days: which single change (mass, damping, thrust, one thruster) explains the later one. A log \
 that cannot be used is a row, not the end.
 
 --out holds campaign.html, runs.csv and runs.jsonl, written anew each time, and store/: one sheet per unit of work, named by a \
@@ -212,7 +212,10 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
     let (runs, joint): (Vec<&Unit>, Vec<&Unit>) = open
         .into_iter()
         .partition(|u| matches!(u.task, Task::Run { .. }));
-    for stage in [runs, joint] {
+    let (groups, days): (Vec<&Unit>, Vec<&Unit>) = joint
+        .into_iter()
+        .partition(|u| matches!(u.task, Task::Group { .. }));
+    for stage in [runs, days, groups] {
         let failed: Vec<String> = stage
             .par_iter()
             .filter_map(|unit| {

@@ -51,6 +51,7 @@ pub mod paper;
 pub mod parameter;
 pub mod predict;
 pub mod problem;
+mod refit;
 pub mod report;
 pub mod rest_noise;
 pub mod uncertainty;
@@ -60,3 +61,4 @@ pub use outcome::{
     CrossValidation, Estimate, Identification, NotIdentifiable, Residuals, RunSummary, SlotNoise,
     Trace,
 };
+pub use refit::{Refitted, refit};
