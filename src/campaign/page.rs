@@ -11,6 +11,8 @@ use hydroline_report::{Axis, Body, Colour, Figure, Page, Panel, Table, significa
 const ROWS_MAX: usize = 10_000;
 /// Trends are drawn of this many coefficients of a group: the best determined.
 const TRENDS: usize = 6;
+/// Points of a trend: of more runs each point is of several, one after the other.
+const TREND_POINTS: usize = 300;
 /// Nanoseconds in a day.
 const DAY_NS: f64 = 86_400e9;
 
@@ -139,20 +141,21 @@ fn trends(b: &mut Body, group: &Group, rows: &[Row]) {
                 })
                 .collect();
             (points.len() > 1).then(|| {
-                let dots = points.iter().map(|[x, y, _]| [*x, *y]).collect();
+                let (points, each) = thinned(points);
+                let name = match each {
+                    1 => "run (± 2 sd)".to_owned(),
+                    n => format!("median of {n} runs, with where 95 % of them lie"),
+                };
+                let dots = points.iter().map(|p| [p[0], p[1]]).collect();
                 let mut panel = Panel::new(
                     key.clone(),
                     Axis::new("days since the first run"),
                     Axis::new(key.clone()),
                 );
-                for [x, y, sd] in &points {
-                    panel = panel.line(
-                        "",
-                        Colour::series(1),
-                        vec![[*x, y - 2.0 * sd], [*x, y + 2.0 * sd]],
-                    );
+                for [x, _, low, high] in &points {
+                    panel = panel.line("", Colour::series(1), vec![[*x, *low], [*x, *high]]);
                 }
-                panel.dots("run (± 2 sd)", Colour::series(0), dots)
+                panel.dots(&name, Colour::series(0), dots)
             })
         })
         .collect();
@@ -162,6 +165,25 @@ fn trends(b: &mut Body, group: &Group, rows: &[Row]) {
             "Coefficients that each run gives by itself, with two standard deviations, over time.",
         );
     }
+}
+
+/// Time, value, and ends of a bar: each run with two sd; or, of many runs, the median of so many that follow each other, with
+/// their quantiles. How many runs a point is of.
+fn thinned(mut points: Vec<[f64; 3]>) -> (Vec<[f64; 4]>, usize) {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let each = points.len().div_ceil(TREND_POINTS);
+    if each < 2 {
+        let bar = |[x, y, sd]: &[f64; 3]| [*x, *y, y - 2.0 * sd, y + 2.0 * sd];
+        return (points.iter().map(bar).collect(), 1);
+    }
+    let of_many = points.chunks(each).map(|chunk| {
+        let mut values: Vec<f64> = chunk.iter().map(|p| p[1]).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
+        let time = chunk.iter().map(|p| p[0]).sum::<f64>() / chunk.len() as f64;
+        [time, at(0.5), at(0.025), at(0.975)]
+    });
+    (of_many.collect(), each)
 }
 
 /// Which loads and rates the runs cover.
@@ -201,4 +223,22 @@ fn coverage(b: &mut Body, group: &Group, rows: &[Row]) {
 
 fn value(row: &Row, column: &str) -> Option<f64> {
     row.get(column)?.as_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trend_of_many_runs_has_points_of_several_with_their_quantiles() {
+        let run = |k: usize| [k as f64, (k % 41) as f64, 0.1];
+        let (few, each) = thinned((0..TREND_POINTS).map(run).collect());
+        assert_eq!((few.len(), each), (TREND_POINTS, 1));
+        assert_eq!(few[7], [7.0, 7.0, 6.8, 7.2]);
+        let (many, each) = thinned((0..41 * TREND_POINTS).rev().map(run).collect());
+        assert_eq!((many.len(), each), (TREND_POINTS, 41));
+        for [_, median, low, high] in many {
+            assert_eq!((low, median, high), (1.0, 20.0, 39.0));
+        }
+    }
 }
