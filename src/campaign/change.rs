@@ -39,9 +39,9 @@ const THRUSTER: [f64; 2] = [0.0, 1.2];
 /// Shares of a thruster's thrust that are tried beside all of it.
 const TRIED: [f64; 2] = [0.8, 0.5];
 /// Vertices tried after these, at most.
-const REFINED: usize = 3;
-/// A vertex as near as this to a share that was tried is tried already.
-const FINE: f64 = 0.003;
+const REFINED: usize = 12;
+/// A vertex within this share of the sd of what was tried is tried already.
+const FINE: f64 = 0.2;
 /// From this probability on a cause is named alone.
 const ESTABLISHED: f64 = 0.95;
 
@@ -472,11 +472,12 @@ impl Hypothesis {
         let mut tried = vec![(1.0, at_one)];
         tried.extend(TRIED.map(|s| (s, objective(s))));
         for _ in 0..REFINED {
-            let Some((vertex, _)) = parabola(&mut tried) else {
+            let Some((vertex, curvature)) = parabola(&mut tried) else {
                 break;
             };
             let vertex = vertex.clamp(THRUSTER[0], THRUSTER[1]);
-            if tried.iter().any(|(s, _)| (s - vertex).abs() < FINE) {
+            let fine = FINE / curvature.sqrt();
+            if tried.iter().any(|(s, _)| (s - vertex).abs() < fine) {
                 break;
             }
             tried.push((vertex, objective(vertex)));
@@ -621,6 +622,18 @@ mod tests {
         );
         assert!((found.value - 0.3).abs() < 1e-3 && (found.sd - 0.05).abs() < 1e-3);
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
+    }
+
+    #[test]
+    fn a_search_that_is_no_parabola_ends_at_its_least_within_its_sd() {
+        // Least at 0.6 with an sd of 1e-3, and steeper below than above.
+        let objective = |s: f64| {
+            let off = (s - 0.6) / 1e-3;
+            off * off * (1.0 - 0.8 * (s - 0.6))
+        };
+        let found = Hypothesis::searched("thruster a", 0.0, &objective, objective(1.0));
+        assert!((found.value - 0.6).abs() < 3e-4, "{}", found.value);
+        assert!((found.sd / 1e-3 - 1.0).abs() < 0.1, "{}", found.sd);
     }
 
     #[test]

@@ -130,6 +130,70 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
     assert!(before.iter().all(|(name, at)| after[name] == *at));
 }
 
+/// What a campaign leaves that another one of the same logs must leave too: sheets and tables, byte for byte.
+fn left(out: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut left = BTreeMap::new();
+    for entry in std::fs::read_dir(out.join("store/sheets")).unwrap() {
+        let entry = entry.unwrap();
+        let name = entry.file_name().to_string_lossy().into_owned();
+        left.insert(name, std::fs::read(entry.path()).unwrap());
+    }
+    for name in ["runs.csv", "runs.jsonl"] {
+        left.insert(name.to_owned(), std::fs::read(out.join(name)).unwrap());
+    }
+    left
+}
+
+#[test]
+#[ignore = "some minutes: a campaign, and one that is killed ten times"]
+fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
+    use rand::{RngExt, SeedableRng, rngs::StdRng};
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    std::fs::create_dir(dir.join("logs")).unwrap();
+    for (k, plan) in ["reversals", "coast-down", "two-tone"].iter().enumerate() {
+        for day in [4, 5] {
+            let seed = (10 * day + k).to_string();
+            let start = format!("2026-05-0{day}T0{k}:00:00Z");
+            let log = format!("logs/{plan}-{day}.mcap");
+            simulate(dir, "lshpi", plan, &seed, &start, &log);
+        }
+    }
+    std::fs::write(dir.join("logs/bad.mcap"), b"no log at all").unwrap();
+    let began = std::time::Instant::now();
+    let whole = run(dir, &["campaign", "logs", "--out", "whole"]);
+    let length = began.elapsed();
+    assert_eq!(whole.0, Some(3));
+    let mut rng = StdRng::seed_from_u64(7);
+    let mut kills = 0;
+    for _ in 0..10 {
+        let mut child = hydroline()
+            .current_dir(dir)
+            .args(["campaign", "logs", "--out", "killed"])
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        // Within the first third: what is done stays done, so that the last of the ten has work left too.
+        std::thread::sleep(length.mul_f64(rng.random_range(0.0..0.3)));
+        kills += u32::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    let resumed = run(dir, &["campaign", "logs", "--out", "killed"]);
+    assert_eq!(resumed.0, Some(3));
+    println!("campaign of {length:.1?}, killed {kills} times at work");
+    assert!(kills > 3, "killed too late");
+    let (whole, killed) = (left(&dir.join("whole")), left(&dir.join("killed")));
+    assert_eq!(
+        whole.keys().collect::<Vec<_>>(),
+        killed.keys().collect::<Vec<_>>()
+    );
+    for (name, bytes) in &whole {
+        assert!(killed[name] == *bytes, "{name}");
+    }
+}
+
 #[test]
 fn a_folder_that_holds_something_else_is_no_campaign() {
     let folder = tempfile::tempdir().unwrap();
