@@ -5,7 +5,7 @@
 //! beyond it on either side (a top-hat minus its surroundings, 8 px against ±12 px) is a
 //! candidate where it is a local maximum down the column.
 
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 use wide::u8x16;
 
 /// Rows per block.
@@ -129,7 +129,7 @@ pub(super) struct Tile {
 
 /// Adds the candidates of `tile` to `spots`. What it finds at a place does not depend on the tile.
 pub(super) fn search(
-    image: &GreyImage,
+    image: GreyView<'_>,
     tile: Tile,
     threshold: u8,
     scratch: &mut CoarseScratch,
@@ -144,7 +144,7 @@ pub(super) fn search(
 
 #[inline(always)]
 fn search_lines(
-    image: &GreyImage,
+    image: GreyView<'_>,
     tile: Tile,
     width: usize,
     threshold: u8,

@@ -1,6 +1,6 @@
 //! Noise of a frame, from the frame itself.
 
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Smallest noise: what rounding to whole grey levels adds, sqrt(1/12).
 pub(super) const ROUNDING_SD: f64 = 0.288_675_134_594_812_9;
@@ -14,7 +14,7 @@ const COLUMN_STEP: usize = 4;
 /// Differences of neighbours along rows (insensitive to a stripe that runs along them and to slow
 /// light), truncated at three of their own sd (insensitive to edges and particles) and corrected for
 /// the truncation. A fixed grid of pixels: a function of the image alone, the same in a band.
-pub(super) fn noise_sd(image: &GreyImage) -> f64 {
+pub(super) fn noise_sd(image: GreyView<'_>) -> f64 {
     let (w, h) = (image.width_px, image.height_px);
     // Two histograms in turn: the same difference twice running does not wait for itself.
     let mut histograms = [[0u32; 256]; 2];
