@@ -55,10 +55,20 @@ def _text(function: str, name: str, value: object, files: "_Files") -> str:
     if isinstance(value, datetime.datetime):
         return value.astimezone(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     if hasattr(value, "__index__"):
-        return str(int(value))  # type: ignore[call-overload]
+        return str(int(value))
     if hasattr(value, "__float__"):
-        return repr(float(value))  # type: ignore[arg-type]
+        return repr(float(value))
     raise _wrong(function, name, value)
+
+
+def _is_default(argument: Mapping[str, Any], value: object) -> bool:
+    """Whether a value is what stands where none is given: some flags may only be given together with others."""
+    default = argument["default"]
+    if default is None or isinstance(value, bool):
+        return False
+    if argument["kind"] in ("integer", "number") and isinstance(value, (int, float)):
+        return float(default) == value
+    return bool(default == value)
 
 
 def _describe(argument: Mapping[str, Any]) -> str:
@@ -121,7 +131,7 @@ def words(function: str, command: str, given: Mapping[str, object], files: _File
                 repr(value),
                 list(arguments),
             )
-        if value is None:
+        if value is None or _is_default(argument, value):
             continue
         if argument["kind"] == "flag":
             if not isinstance(value, bool):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import datetime
-from typing import Dict, Literal, Optional, Sequence, Union
+from typing import Literal, Optional, Sequence, Union
 
 from ._call import PathLike, Paths, PlanLike, Progress, RigLike, call
 from ._results import BoardCalibration, Diagnosis, Health, Identification, Import, Prediction, Simulation
@@ -57,12 +57,11 @@ def simulate(
 
     >>> run = simulate(rig="lshpi", plan="surge-4n", motion_only=True, out=folder / "simulated.mcap")
     >>> run
-    <hydroline.Simulation: ...simulated.mcap, 25 s>
+    <hydroline.Simulation: ...simulated.mcap, 15.42 s>
     >>> read(run.log).motion["x_m"].shape
     (...,)
     """
-    given: Dict[str, object] = {"rig": rig, "plan": plan, "out": out, "seed": seed, "motion_only": motion_only, "position_noise_m": position_noise_m, "attitude_noise_rad": attitude_noise_rad, "tail": tail, "show_board": show_board, "board_offset_m": board_offset_m, "note": note, "tank": tank, "start": start}
-    return Simulation(call("simulate", "simulate", given, progress))
+    return Simulation(call("simulate", "simulate", {"rig": rig, "plan": plan, "out": out, "seed": seed, "motion_only": motion_only, "position_noise_m": position_noise_m, "attitude_noise_rad": attitude_noise_rad, "tail": tail, "show_board": show_board, "board_offset_m": board_offset_m, "note": note, "tank": tank, "start": start}, progress))
 
 
 def predict(
@@ -101,8 +100,7 @@ def predict(
     >>> predict(rig="lshpi", plan="surge-4n", rate=10)
     <hydroline.Prediction: ... times from 0 to ... s, without a band>
     """
-    given: Dict[str, object] = {"rig": rig, "plan": plan, "identified": identified, "rate": rate, "tail": tail, "measured": measured, "other_rig": other_rig, "report": report, "force": force}
-    return Prediction(call("predict", "predict", given, progress))
+    return Prediction(call("predict", "predict", {"rig": rig, "plan": plan, "identified": identified, "rate": rate, "tail": tail, "measured": measured, "other_rig": other_rig, "report": report, "force": force}, progress))
 
 
 def identify(
@@ -165,8 +163,7 @@ def identify(
     >>> found.parameters["x_udot"].unit
     'kg'
     """
-    given: Dict[str, object] = {"logs": logs, "rig": rig, "method": method, "objective": objective, "model": model, "fix": fix, "from_rest": from_rest, "from_": from_, "to": to, "seed": seed, "bollard": bollard, "write_rig": write_rig, "still": still, "other_rig": other_rig, "fail_on": fail_on, "report": report, "force": force}
-    return Identification(call("identify", "identify", given, progress))
+    return Identification(call("identify", "identify", {"logs": logs, "rig": rig, "method": method, "objective": objective, "model": model, "fix": fix, "from_rest": from_rest, "from_": from_, "to": to, "seed": seed, "bollard": bollard, "write_rig": write_rig, "still": still, "other_rig": other_rig, "fail_on": fail_on, "report": report, "force": force}, progress))
 
 
 def diagnose(
@@ -204,12 +201,11 @@ def diagnose(
 
     Raises ArgumentError, InputError (what was given) or RunError (the work).
 
-    >>> found = diagnose([reversals, coast_down], rig="lshpi", given="surge")
+    >>> found = diagnose([reversals, coast_down], rig="lshpi", given="sway")
     >>> found.verdict in ("none", "named", "ambiguous", "unknown", "data_fault")
     True
     """
-    given: Dict[str, object] = {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "report": report, "write_rig": write_rig, "force": force}
-    return Diagnosis(call("diagnose", "diagnose", given, progress))
+    return Diagnosis(call("diagnose", "diagnose", {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "report": report, "write_rig": write_rig, "force": force}, progress))
 
 
 def doctor(
@@ -230,8 +226,7 @@ def doctor(
     >>> doctor(reversals)
     <hydroline.Health: sound, ... findings>
     """
-    given: Dict[str, object] = {"log": log}
-    return Health(call("doctor", "doctor", given, progress))
+    return Health(call("doctor", "doctor", {"log": log}, progress))
 
 
 def import_table(
@@ -261,8 +256,7 @@ def import_table(
 
     Raises ArgumentError, InputError (what was given) or RunError (the work).
     """
-    given: Dict[str, object] = {"data": data, "map": map, "out": out, "topic": topic, "accept_faults": accept_faults, "rig": rig}
-    return Import(call("import_table", "import", given, progress))
+    return Import(call("import_table", "import", {"data": data, "map": map, "out": out, "topic": topic, "accept_faults": accept_faults, "rig": rig}, progress))
 
 
 def calibrate(
@@ -315,5 +309,4 @@ def calibrate(
 
     Raises ArgumentError, InputError (what was given) or RunError (the work).
     """
-    given: Dict[str, object] = {"inputs": inputs, "out": out, "board": board, "method": method, "rig": rig, "medium": medium, "at": at, "port_distance_m": port_distance_m, "port_glass_m": port_glass_m, "accept_unknown_gap": accept_unknown_gap, "image_topic": image_topic, "channel": channel, "bits": bits, "every": every, "against": against, "annotate": annotate, "force": force}
-    return BoardCalibration(call("calibrate", "calibrate", given, progress))
+    return BoardCalibration(call("calibrate", "calibrate", {"inputs": inputs, "out": out, "board": board, "method": method, "rig": rig, "medium": medium, "at": at, "port_distance_m": port_distance_m, "port_glass_m": port_glass_m, "accept_unknown_gap": accept_unknown_gap, "image_topic": image_topic, "channel": channel, "bits": bits, "every": every, "against": against, "annotate": annotate, "force": force}, progress))
