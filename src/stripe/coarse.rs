@@ -264,6 +264,7 @@ fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
 mod tests {
     use super::*;
     use crate::synthetic::{StripeImage, render};
+    use hydroline_core::frame::GreyImage;
 
     fn whole(image: &GreyImage) -> Tile {
         Tile {
@@ -294,7 +295,7 @@ mod tests {
             let mut spots = Spots::default();
             spots.clear(image.width_px);
             search(
-                &image,
+                (&image).into(),
                 whole(&image),
                 threshold(noise),
                 &mut CoarseScratch::default(),
@@ -320,11 +321,11 @@ mod tests {
         all.clear(image.width_px);
         part.clear(image.width_px);
         let mut scratch = CoarseScratch::default();
-        search(&image, whole(&image), 8, &mut scratch, &mut all);
+        search((&image).into(), whole(&image), 8, &mut scratch, &mut all);
         for from in (0..image.width_px).step_by(TILE_COLUMNS) {
             let to = (from + TILE_COLUMNS).min(image.width_px);
             search(
-                &image,
+                (&image).into(),
                 Tile {
                     from,
                     to,

@@ -76,6 +76,7 @@ pub(super) fn truncated_sd(histogram: &[u32; 256]) -> f64 {
 mod tests {
     use super::*;
     use crate::synthetic::{StripeImage, render};
+    use hydroline_core::frame::GreyImage;
 
     #[test]
     fn noise_is_found_to_three_percent_with_a_stripe_and_without() {
@@ -89,7 +90,7 @@ mod tests {
                     slope: 0.3,
                     ..Default::default()
                 };
-                let found = noise_sd(&render(&stripe));
+                let found = noise_sd((&render(&stripe)).into());
                 let truth = (sd * sd + 1.0 / 12.0).sqrt();
                 assert!((found / truth - 1.0).abs() < 0.03, "{sd}: {found}");
             }
@@ -103,6 +104,6 @@ mod tests {
             height_px: 30,
             pixels: vec![7; 1200],
         };
-        assert!((noise_sd(&flat) - ROUNDING_SD).abs() < 1e-12);
+        assert!((noise_sd((&flat).into()) - ROUNDING_SD).abs() < 1e-12);
     }
 }

@@ -51,8 +51,8 @@ mod tests {
             haze_fraction: 0.03,
             ..Default::default()
         });
-        let standing = image(&lying);
-        assert_eq!(image(&standing), lying);
+        let standing = image((&lying).into());
+        assert_eq!(image((&standing).into()), lying);
         let flat = Extractor::new(ExtractorConfig::default()).extract(&lying);
         let mut upright = Extractor::new(ExtractorConfig {
             orientation: Orientation::Vertical,

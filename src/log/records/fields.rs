@@ -271,9 +271,12 @@ pub(crate) fn chunk(body: &Bytes, truncated: bool) -> Result<ChunkRecord, Damage
 impl ChunkRecord {
     /// The chunk's records, decompressed and with their CRC checked.
     pub fn open(&self) -> Result<Bytes, Damage> {
-        let bytes = match self.decompress() {
-            (bytes, None) => bytes,
-            (_, Some(damage)) => return Err(damage),
+        let bytes = match self.at_once() {
+            Some(bytes) => bytes,
+            None => match self.decompress() {
+                (bytes, None) => bytes,
+                (_, Some(damage)) => return Err(damage),
+            },
         };
         let got = bytes.len() as u64;
         if got != self.uncompressed_bytes {
@@ -292,6 +295,20 @@ impl ChunkRecord {
             }
         }
         Ok(bytes)
+    }
+
+    /// The whole content of a sound chunk in one step, half as long as through a stream; `None` = the stream says why.
+    fn at_once(&self) -> Option<Bytes> {
+        let declared = self.uncompressed_bytes;
+        let room = (self.content.len() as u64).saturating_mul(EXPANSION_MAX);
+        if self.compression != "zstd" || declared > LIMIT_BYTES.min(room) {
+            return None;
+        }
+        let mut out = Vec::with_capacity(declared as usize);
+        // Without a window of its own: it unpacks into the buffer, which is all that it can fill.
+        let mut decompressor = zstd::bulk::Decompressor::new().ok()?;
+        let got = decompressor.decompress_to_buffer(&self.content[..], &mut out);
+        (got.ok()? as u64 == declared).then(|| Bytes::from(out))
     }
 
     /// As much of the content as can be had, unchecked, and what stopped it.

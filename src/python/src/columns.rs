@@ -83,7 +83,7 @@ fn stamps<M: Stamped>(rows: &[(u64, M)]) -> impl Iterator<Item = u64> + '_ {
 }
 
 /// What a kind of message is: its topic, and its table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     Motion,
     Truth,
@@ -94,6 +94,28 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Kinds whose messages are small: read together, since they lie in the same chunks, often beside an image.
+    pub const SMALL: [Kind; 5] = [
+        Kind::Motion,
+        Kind::Truth,
+        Kind::Commands,
+        Kind::Echoes,
+        Kind::Events,
+    ];
+
+    /// The kind of a message; `None` = of none of these.
+    pub fn of(record: &Record) -> Option<Kind> {
+        match record {
+            Record::Motion(_) => Some(Kind::Motion),
+            Record::Truth(_) => Some(Kind::Truth),
+            Record::Command(_) => Some(Kind::Commands),
+            Record::Echo(_) => Some(Kind::Echoes),
+            Record::Profile(_) => Some(Kind::Stripes),
+            Record::Event(_) => Some(Kind::Events),
+            _ => None,
+        }
+    }
+
     /// Its topic.
     pub fn topic(self) -> &'static str {
         match self {

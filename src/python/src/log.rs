@@ -17,37 +17,49 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub struct Log {
     log: Arc<IndexedLog>,
     /// Tables that were made: asked for again, they are the same.
-    tables: Mutex<BTreeMap<&'static str, Py<Table>>>,
+    tables: Mutex<BTreeMap<Kind, Py<Table>>>,
 }
 
-/// Every message of a topic, in the file's order; chunks are unpacked on all cores.
-fn messages(log: &IndexedLog, topic: &str) -> Result<Vec<LogMessage>, LogError> {
-    let places = log.places(&[topic]);
-    let read = places.into_par_iter();
-    let read: Vec<Vec<LogMessage>> = read
-        .map(|place| log.messages(place, &[topic]))
+/// The messages of these kinds, by kind, in the file's order; chunks are unpacked on all cores.
+fn messages(log: &IndexedLog, kinds: &[Kind]) -> Result<BTreeMap<Kind, Vec<LogMessage>>, LogError> {
+    let topics: Vec<&str> = kinds.iter().map(|k| k.topic()).collect();
+    let places = log.places(&topics).into_par_iter();
+    let read: Vec<Vec<LogMessage>> = places
+        .map(|place| log.messages(place, &topics))
         .collect::<Result<_, LogError>>()?;
-    Ok(read.into_iter().flatten().collect())
+    let mut found: BTreeMap<Kind, Vec<LogMessage>> =
+        kinds.iter().map(|k| (*k, Vec::new())).collect();
+    for message in read.into_iter().flatten() {
+        let of = Kind::of(&message.record).and_then(|kind| found.get_mut(&kind));
+        if let Some(of) = of {
+            of.push(message);
+        }
+    }
+    Ok(found)
 }
 
 impl Log {
     fn table(&self, py: Python<'_>, kind: Kind) -> PyResult<Py<Table>> {
-        let topic = kind.topic();
         let known = |log: &Log| {
             let tables = log.tables.lock().unwrap_or_else(PoisonError::into_inner);
-            tables.get(topic).map(|table| table.clone_ref(py))
+            tables.get(&kind).map(|table| table.clone_ref(py))
         };
         if let Some(table) = known(self) {
             return Ok(table);
         }
-        let batch = py.detach(|| messages(&self.log, topic).map(|m| kind.table(m)));
-        let batch = batch
-            .map_err(|e| errors::sorted(py, e))?
-            .map_err(|e| errors::run(py, e))?;
-        let table = Py::new(py, Table::new(batch))?;
-        let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
-        tables.insert(topic, table.clone_ref(py));
-        Ok(table)
+        let kinds = match kind {
+            Kind::Stripes => &[Kind::Stripes][..],
+            _ => &Kind::SMALL,
+        };
+        let read = py.detach(|| messages(&self.log, kinds));
+        for (kind, messages) in read.map_err(|e| errors::sorted(py, e))? {
+            let batch = py.detach(|| kind.table(messages));
+            let table = Py::new(py, Table::new(batch.map_err(|e| errors::run(py, e))?))?;
+            let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
+            // Another thread may have been here first: then its table stays.
+            tables.entry(kind).or_insert(table);
+        }
+        known(self).ok_or_else(|| errors::run(py, "a table was not made"))
     }
 
     fn text(&self, name: &str, key: &str) -> Option<&str> {
