@@ -199,9 +199,11 @@ fn argument(arg: &Arg) -> Argument {
         several: many || matches!(arg.get_action(), ArgAction::Append),
         required: arg.is_required_set(),
         kind,
-        default: (!arg.get_action().takes_values())
-            .then_some(None)
-            .unwrap_or_else(|| defaults.first().map(|d| d.to_string_lossy().into_owned())),
+        // Of a flag that is there or not clap has one too.
+        default: defaults
+            .first()
+            .filter(|_| arg.get_action().takes_values())
+            .map(|d| d.to_string_lossy().into_owned()),
         help: arg.get_help().map(ToString::to_string).unwrap_or_default(),
         value_name: arg
             .get_value_names()
