@@ -6,7 +6,7 @@ import doctest
 import subprocess
 import sys
 from pathlib import Path
-from typing import Dict
+from typing import Dict, List
 
 import hydroline
 import hydroline._commands
@@ -28,11 +28,13 @@ def test_the_commands_are_as_the_command_line_defines_them() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("checker", [["mypy", "--strict"], ["pyright"]])
-def test_type_checkers_accept_package_and_examples(checker: list) -> None:  # type: ignore[type-arg]
-    pytest.importorskip(checker[0])
-    examples = str(HERE.parent / "examples")
-    package = str(Path(hydroline.__file__).parent)
-    given = [examples] if checker[0] == "pyright" else [examples, package]
-    done = subprocess.run([sys.executable, "-m", *checker, *given], capture_output=True, text=True)
+EXAMPLES = str(HERE.parent / "examples")
+CHECKS = [["mypy", "--strict", EXAMPLES], ["mypy", "--strict", "-p", "hydroline"], ["pyright", EXAMPLES]]
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=["mypy-examples", "mypy-package", "pyright-examples"])
+def test_type_checkers_accept_package_and_examples(check: List[str], tmp_path: Path) -> None:
+    pytest.importorskip(check[0])
+    # From a folder that holds no sources: what is checked is what is installed.
+    done = subprocess.run([sys.executable, "-m", *check], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
