@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::output::Output;
 use super::print::{self, errln, outln};
 use super::progress::Stages;
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome, call, inputs};
 use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_diagnose::{Beside, Diagnosis, Part, Source, diagnose_beside, read, report};
@@ -163,6 +163,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     } else {
         print(&found.verdict);
     }
+    call::offer(move || {
+        page(&found, images.as_ref(), "hydroline.diagnose")
+            .page
+            .html()
+    });
     Ok(Outcome::Done)
 }
 
@@ -174,6 +179,15 @@ const REPORT_FILES: [&str; 4] = [
     "next.toml",
 ];
 
+/// The report, with what the images show.
+fn page(found: &Diagnosis, images: Option<&Findings>, command: &str) -> report::Pages {
+    let mut pages = report::pages(found, command);
+    if let Some(images) = images {
+        pages.page.body.append(images.section.clone());
+    }
+    pages
+}
+
 /// Page, figure, verdict and next plan into a folder; the page's path.
 pub(super) fn write_report(
     output: Output,
@@ -182,10 +196,7 @@ pub(super) fn write_report(
     images: Option<&Findings>,
     command: &str,
 ) -> Result<PathBuf, CliError> {
-    let mut pages = report::pages(found, command);
-    if let Some(images) = images {
-        pages.page.body.append(images.section.clone());
-    }
+    let pages = page(found, images, command);
     let json = serde_json::to_string_pretty(&found.verdict)?;
     let mut files = vec![
         ("diagnose.html", pages.page.html()),

@@ -136,7 +136,6 @@ fn csv(several: bool, path: &Path, profile: &Profile) -> std::io::Result<()> {
     Ok(())
 }
 
-/// One image's figures, and its points as columns of numbers.
 /// What --json prints.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed {
@@ -146,7 +145,7 @@ pub(super) struct Printed {
 
 /// The stripe of an image; its lists have one entry per point.
 #[derive(Debug, Serialize, JsonSchema)]
-struct Stripe {
+pub(super) struct Stripe {
     /// File.
     image: PathBuf,
     /// Width of the image \[px\].
@@ -173,7 +172,8 @@ struct Stripe {
     quality: Vec<u32>,
 }
 
-fn object(path: &Path, profile: &Profile) -> Stripe {
+/// One image's figures, and its points as columns of numbers.
+pub(super) fn object(path: &Path, profile: &Profile) -> Stripe {
     let column =
         |value: fn(&StripePoint) -> f64| -> Vec<f64> { profile.points.iter().map(value).collect() };
     Stripe {

@@ -9,7 +9,7 @@ use hydroline_rigs::{Dof, Rig, ThrusterSet};
 use super::output::Output;
 use super::print::{self, errln, out, outln};
 use super::progress::Stages;
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome, call, inputs};
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::cmaes::Cmaes;
@@ -215,6 +215,8 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             return Err(e);
         }
     };
+    let shown = result.clone();
+    call::offer(move || html(&shown, "hydroline.identify"));
     // A search may have taken hours: what can fail without it (a full disk, a folder that is not ours) comes after it is printed.
     if args.json {
         print::pretty_json(&result)?;

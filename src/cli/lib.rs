@@ -17,6 +17,7 @@ mod board;
 mod bring_back;
 mod calibrate;
 mod calibrated;
+pub mod call;
 mod campaign;
 mod check;
 mod completions;
@@ -64,6 +65,39 @@ use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 pub use outcome::{CliError, Outcome, exit_code};
+
+/// A rig by file or built-in name, checked as every command does.
+///
+/// # Errors
+/// [`CliError::Config`].
+pub fn load_rig(argument: &str) -> Result<hydroline_rigs::Rig, CliError> {
+    inputs::rig(argument)
+}
+
+/// The stripe of an image file, as `extract` finds it.
+///
+/// # Errors
+/// [`CliError::Config`] for a file that is missing or no image.
+pub fn extract_file(
+    image: &std::path::Path,
+    extractor: &mut hydroline_stripe::Extractor,
+) -> Result<hydroline_stripe::Profile, CliError> {
+    inputs::readable_file(image, "name a PNG or JPEG image")?;
+    let found = images::load(image, &hydroline_core::frame::GreyRule::default())
+        .map_err(|words| CliError::Config(format!("{}: {words}", image.display())))?;
+    Ok(extractor.extract(&found))
+}
+
+/// What `extract --json` prints of one image.
+///
+/// # Errors
+/// [`CliError::Run`] where it cannot be written as JSON.
+pub fn extracted(
+    image: &std::path::Path,
+    profile: &hydroline_stripe::Profile,
+) -> Result<String, CliError> {
+    Ok(serde_json::to_string(&extract::object(image, profile))?)
+}
 
 /// The end of the program: what went wrong goes to stderr, unless it is stdout's failure, which was said when it came.
 pub fn conclude(result: Result<Outcome, CliError>) -> ExitCode {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::output::Output;
 use super::print::{self, errln, outln};
-use super::{CliError, Outcome, inputs};
+use super::{CliError, Outcome, call, inputs};
 use hydroline_identify::data::{check_vehicle, load};
 use hydroline_identify::predict::report::pages;
 use hydroline_identify::predict::residuals::{Measured, beside, plan_start_s, start_pose};
@@ -124,6 +124,16 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     if let Some(dir) = &args.report {
         report(args, dir, &rig, (&plan, &made), measured.as_ref())?;
     }
+    call::offer(move || {
+        let of = pages(
+            &rig,
+            &plan.name,
+            &made,
+            measured.as_ref(),
+            "hydroline.predict",
+        );
+        of.page.html()
+    });
     Ok(Outcome::Done)
 }
 

@@ -6,7 +6,7 @@
 //! itself cannot be written there is nobody left to tell, and the work goes on. What would act on a terminal is
 //! written visibly ([`plain`]).
 
-use super::CliError;
+use super::{CliError, call};
 use hydroline_core::plain;
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
@@ -55,6 +55,9 @@ static STDOUT: Mutex<State> = Mutex::new(State::Open);
 
 /// Bytes to stdout as they are.
 fn raw(bytes: &[u8]) {
+    if call::heard_result(bytes) {
+        return;
+    }
     let mut state = STDOUT.lock().unwrap_or_else(PoisonError::into_inner);
     let mut results = Results {
         to: io::stdout().lock(),
@@ -126,6 +129,9 @@ pub fn finish() -> Result<(), crate::CliError> {
 /// Writes to stderr, for [`errln`]; what it does not take is gone.
 pub fn diagnostic(text: Arguments<'_>) {
     let line = format!("{text}\n");
+    if call::heard_remark(line.trim()) {
+        return;
+    }
     let _ = io::stderr().lock().write_all(plain::text(&line).as_bytes());
 }
 

@@ -1,5 +1,6 @@
 //! Progress: bars on a terminal, never in a pipe; of long work a line now and then there.
 
+use super::call::{self, Listener};
 use super::print::errln;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
@@ -42,9 +43,9 @@ const NEXT_LINE: Duration = Duration::from_secs(30);
 
 /// Work of which nobody knows how long it takes, stage after stage: what it is at, how many stages are done, and for how
 /// long. On a terminal one line that refreshes; elsewhere a line now and then, so that nobody takes it for dead.
-#[derive(Debug)]
 pub struct Stages {
     bar: ProgressBar,
+    listener: Option<Arc<dyn Listener>>,
     stage_now: Arc<Stage>,
     teller: Option<JoinHandle<()>>,
 }
@@ -97,7 +98,10 @@ impl Stages {
     pub fn begin(what: &'static str) -> Self {
         let bar = bar(0, what);
         let stage_now = Arc::new(Stage::default());
-        let teller = if bar.is_hidden() {
+        let listener = call::listener();
+        let teller = if listener.is_some() {
+            None
+        } else if bar.is_hidden() {
             let (stage_now, began) = (stage_now.clone(), Instant::now());
             let tell = move || stage_now.tell(what, began);
             std::thread::Builder::new().spawn(tell).ok()
@@ -112,14 +116,24 @@ impl Stages {
         };
         Self {
             bar,
+            listener,
             stage_now,
             teller,
         }
     }
 
+    fn hear(&self, stage: &str, stages: u64) {
+        if let Some(listener) = &self.listener {
+            listener.progress(stage, stages, None);
+        }
+    }
+
     /// How far a stage is.
     pub fn at(&self, stage: &str) {
-        stage.clone_into(&mut self.stage_now.lock().stage);
+        let mut now = self.stage_now.lock();
+        stage.clone_into(&mut now.stage);
+        self.hear(stage, now.stages);
+        drop(now);
         self.bar.set_prefix(stage.to_owned());
     }
 
@@ -128,6 +142,7 @@ impl Stages {
         let mut now = self.stage_now.lock();
         now.stages += 1;
         stage.clone_into(&mut now.stage);
+        self.hear(stage, now.stages);
         drop(now);
         self.bar.inc(1);
         self.bar.set_prefix(stage.to_owned());

@@ -2,11 +2,12 @@
 
 use super::live::{self, LiveArgs};
 use super::print::{self, errln, outln};
-use super::{CliError, Outcome, inputs, progress};
+use super::{CliError, Outcome, call, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_daemon::simulate::{Options, simulate};
 use hydroline_log::AtomicFile;
+use hydroline_numerics::cancel;
 use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
 use schemars::JsonSchema;
@@ -118,10 +119,13 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         tank,
     };
     let length_s = plan.duration_s() + options.tail_s;
-    let bar = progress::bar((length_s * rig.camera.rate_fps) as u64, "frames");
+    let frames = (length_s * rig.camera.rate_fps) as u64;
+    let bar = progress::bar(frames, "frames");
     // Ctrl-C leaves no half log behind that looks like a whole one.
     let unfinished = AtomicFile::begin(&args.out)?;
     let result = simulate(&rig, &plan, unfinished.path(), &options, &mut |done, _| {
+        cancel::check();
+        call::progress("frames", done, Some(frames));
         bar.set_position(done)
     });
     bar.finish_and_clear();

@@ -112,6 +112,27 @@ pub struct GreyImage {
     pub pixels: Vec<u8>,
 }
 
+/// An 8-bit grey image that lies in somebody else's memory, as in [`GreyImage`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GreyView<'a> {
+    /// Width \[px\].
+    pub width_px: usize,
+    /// Height \[px\].
+    pub height_px: usize,
+    /// `width_px * height_px` grey levels.
+    pub pixels: &'a [u8],
+}
+
+impl<'a> From<&'a GreyImage> for GreyView<'a> {
+    fn from(image: &'a GreyImage) -> Self {
+        GreyView {
+            width_px: image.width_px,
+            height_px: image.height_px,
+            pixels: &image.pixels,
+        }
+    }
+}
+
 /// Longest side of an image that is believed \[px\]: twice that of the largest sensors of machine vision.
 pub const SIDE_MAX_PX: u32 = 1 << 15;
 /// Most pixels of a compressed image that are unpacked: a few bytes can claim any number.

@@ -8,6 +8,7 @@
 pub mod report;
 pub mod residuals;
 
+use hydroline_numerics::cancel;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::{EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
@@ -243,6 +244,7 @@ pub fn predict(
     let mut travelled = [0.0; 6];
     let samples = (length_s * rate_hz).floor() as u64;
     for k in 0..=samples {
+        cancel::check();
         let t_s = k as f64 / rate_hz;
         while next as f64 / command_rate_hz <= t_s {
             let command_s = next as f64 / command_rate_hz;

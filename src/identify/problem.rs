@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use hydroline_numerics::cancel;
 use hydroline_numerics::least_squares::Normal;
 use hydroline_numerics::noise::{Noise, Series, Whitener, estimate, mask};
 use hydroline_numerics::statistics::median;
@@ -174,6 +175,7 @@ impl<'a> Problem<'a> {
         run: usize,
         parameters: &[f64],
     ) -> Result<Vec<Vec<f64>>, ForwardError> {
+        cancel::check();
         let mut values = Vec::new();
         self.forward
             .values(run, &self.of_run(run, parameters), &mut values)?;
@@ -277,6 +279,7 @@ impl<'a> Problem<'a> {
         run: usize,
         parameters: &[f64],
     ) -> Result<(DVector<f64>, DMatrix<f64>), ForwardError> {
+        cancel::check();
         let mut values = Vec::new();
         let mut jacobian =
             self.forward

@@ -12,6 +12,7 @@ use super::fit::{Normal, Problem, ln_determinant};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
 use super::table::TableCell;
+use hydroline_numerics::cancel;
 
 /// Normal equations by DOF and cell, of one linearisation.
 pub(super) struct Equations<'a> {
@@ -46,7 +47,10 @@ impl<'a> Equations<'a> {
             .collect();
         let made: Vec<((usize, Cell), Normal)> = missing
             .into_par_iter()
-            .map(|(d, cell)| ((d, cell), self.problem.normal(all, d, cell, self.size)))
+            .map(|(d, cell)| {
+                cancel::check();
+                ((d, cell), self.problem.normal(all, d, cell, self.size))
+            })
             .collect();
         self.known.extend(made);
     }

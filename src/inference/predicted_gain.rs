@@ -13,6 +13,7 @@ use super::filter::Filter;
 use super::fit::{Fit, Problem};
 use super::hyper::{Cell, filters};
 use super::term::Kind;
+use hydroline_numerics::cancel;
 
 /// Places in the table of sizes by which the random force is taken smaller for a second look: it shrinks when the right
 /// effect joins.
@@ -249,6 +250,7 @@ impl Problem {
         let found: Vec<Vec<PredictedGain>> = asked
             .into_par_iter()
             .map(|(c, s)| {
+                cancel::check();
                 let candidate = &self.body.candidates[c];
                 let start = &candidate.starts[s];
                 let (terms, point) = self.with(fit, c, start);

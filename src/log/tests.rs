@@ -87,6 +87,59 @@ fn what_goes_in_comes_out_bit_by_bit() {
 }
 
 #[test]
+fn the_index_finds_what_reading_everything_finds() {
+    let disk = MemoryDisk::default();
+    sample(&disk, 40, offline());
+    let (whole, folder) = (disk.file(0), tempfile::tempdir().unwrap());
+    let all = read(whole.clone());
+    let commands: Vec<&LogMessage> = all
+        .iter()
+        .filter(|m| matches!(m.record, Record::Command(_)))
+        .collect();
+    let topic = Topic::Command.name();
+    // As it was written; without its summary; cut within the data.
+    let no_index = &whole[..whole.len() - 100];
+    for (bytes, least) in [
+        (&whole[..], 40),
+        (no_index, 40),
+        (&whole[..whole.len() / 2], 5),
+    ] {
+        let path = folder.path().join(format!("{}.mcap", bytes.len()));
+        std::fs::write(&path, bytes).unwrap();
+        let log = IndexedLog::open(&path).unwrap();
+        assert_eq!(log.end_missing().is_some(), bytes.len() < whole.len());
+        let places = log.places(&[topic]).into_iter();
+        let found: Vec<LogMessage> = places
+            .flat_map(|p| log.messages(p, &[topic]).unwrap())
+            .collect();
+        assert!(found.len() >= least, "{} of {}", found.len(), bytes.len());
+        assert_eq!(log.counts()[topic], found.len() as u64);
+        assert!(found.iter().eq(commands.iter().take(found.len()).copied()));
+        let last = found.len() as u64 - 1;
+        assert_eq!(log.nth(topic, last).unwrap().as_ref(), found.last());
+        assert_eq!(log.nth(topic, last + 1).unwrap(), None);
+        assert_eq!(log.metadata()["rig"], read_metadata(&path, "rig"));
+    }
+    // A chunk whose bytes changed is found when it is read.
+    let mut changed = whole.clone();
+    let middle = whole.len() / 3;
+    changed[middle] ^= 0x40;
+    let path = folder.path().join("changed.mcap");
+    std::fs::write(&path, &changed).unwrap();
+    let log = IndexedLog::open(&path).unwrap();
+    let image = Topic::RawImage.name();
+    let mut read = log.places(&[image, topic]).into_iter();
+    assert!(read.any(|p| matches!(
+        log.messages(p, &[image, topic]),
+        Err(LogError::Damaged { .. })
+    )));
+}
+
+fn read_metadata(path: &Path, name: &str) -> MetadataMap {
+    LogReader::open(path).unwrap().metadata()[name].clone()
+}
+
+#[test]
 fn the_head_is_durable_before_the_first_message() {
     let disk = MemoryDisk::default();
     let log = FileRecorder::with_opener(disk.opener(), head(), offline()).unwrap();

@@ -285,6 +285,7 @@ impl<'a> Search<'a> {
         let mut left =
             || *decrement.get_or_insert_with(|| squared_decrement(normal, moves, options));
         loop {
+            crate::cancel::check();
             if self.trials >= options.trials_max {
                 return Tried::Nothing(Ended::Budget);
             }

@@ -2,6 +2,7 @@
 //!
 //! - [`least_squares`]: one nonlinear least-squares loop (Levenberg–Marquardt, Gauss–Newton), each option with its
 //!   default, reason and source;
+//! - [`cancel`]: ending a long computation from outside;
 //! - [`cholesky`]: factors scaled to unit diagonal, with jitter;
 //! - [`information`]: from an information matrix to a covariance, undetermined directions said;
 //! - [`noise`]: white noise plus an Ornstein-Uhlenbeck process, and the filter that whitens it;
@@ -27,6 +28,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod cancel;
 pub mod cholesky;
 pub mod information;
 pub mod least_squares;

@@ -12,7 +12,7 @@
 use super::extractor::Track;
 use super::haze::Haze;
 use super::synthetic::haze_over_pixel;
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::{GreyImage, GreyView};
 
 /// Columns of a block.
 const BLOCK_COLUMNS: usize = 16;
@@ -110,7 +110,7 @@ struct Sample {
 
 /// Finds the banding around a stripe of this width; `None` where none is established.
 pub(super) fn find(
-    image: &GreyImage,
+    image: GreyView<'_>,
     tracks: &[Track],
     sigma_px: f64,
     haze: Option<Haze>,
@@ -168,7 +168,7 @@ pub(super) fn find(
 }
 
 /// Blocks of columns with their stripe, `most` at most, evenly from all over.
-fn blocks(image: &GreyImage, tracks: &[Track], haze: Option<Haze>, most: usize) -> Vec<Block> {
+fn blocks(image: GreyView<'_>, tracks: &[Track], haze: Option<Haze>, most: usize) -> Vec<Block> {
     let every = (image.width_px / BLOCK_COLUMNS).div_ceil(most).max(1);
     let mut blocks: Vec<Block> = Vec::new();
     for track in tracks {
@@ -195,7 +195,7 @@ fn blocks(image: &GreyImage, tracks: &[Track], haze: Option<Haze>, most: usize) 
 
 /// Levels of the rows where enough columns have the stripe elsewhere.
 fn row_levels(
-    image: &GreyImage,
+    image: GreyView<'_>,
     blocks: &[Block],
     sigma_px: f64,
     haze: Option<Haze>,
@@ -518,8 +518,12 @@ impl Waves {
 
 impl Banding {
     /// The image without the rows' levels. Pixels at the ceiling stay there.
-    pub fn taken_off(&self, image: &GreyImage, ceiling: u8) -> GreyImage {
-        let mut out = image.clone();
+    pub fn taken_off(&self, image: GreyView<'_>, ceiling: u8) -> GreyImage {
+        let mut out = GreyImage {
+            width_px: image.width_px,
+            height_px: image.height_px,
+            pixels: image.pixels.to_vec(),
+        };
         let width = image.width_px.max(1);
         let lines = out
             .pixels

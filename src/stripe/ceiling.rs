@@ -6,7 +6,7 @@
 //! distinguishes the two; where noise is too small for that, the flanks do, which imply how
 //! bright the clipped peak would have been (`trace`).
 
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Every so many candidates are looked at.
 const STEP: usize = 2;
@@ -34,7 +34,7 @@ pub(super) struct Pile {
 
 /// The pile at the maximum of the brightest pixels of these candidates `(column, row)`, if there is one.
 pub(super) fn pile(
-    image: &GreyImage,
+    image: GreyView<'_>,
     candidates: impl Iterator<Item = (usize, f32)>,
     noise_sd: f64,
 ) -> Option<Pile> {
@@ -46,7 +46,7 @@ pub(super) fn pile(
 }
 
 /// Brightest pixel of a candidate \[grey levels\].
-pub(super) fn brightest(image: &GreyImage, column: usize, row_px: f32) -> u8 {
+pub(super) fn brightest(image: GreyView<'_>, column: usize, row_px: f32) -> u8 {
     let middle = (row_px + 0.5).max(0.0) as usize;
     let mut place = middle.saturating_sub(REACH_ROWS) * image.width_px + column;
     let mut brightest_level = 0;

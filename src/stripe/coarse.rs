@@ -5,7 +5,7 @@
 //! beyond it on either side (a top-hat minus its surroundings, 8 px against ±12 px) is a
 //! candidate where it is a local maximum down the column.
 
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 use wide::u8x16;
 
 /// Rows per block.
@@ -129,7 +129,7 @@ pub(super) struct Tile {
 
 /// Adds the candidates of `tile` to `spots`. What it finds at a place does not depend on the tile.
 pub(super) fn search(
-    image: &GreyImage,
+    image: GreyView<'_>,
     tile: Tile,
     threshold: u8,
     scratch: &mut CoarseScratch,
@@ -144,7 +144,7 @@ pub(super) fn search(
 
 #[inline(always)]
 fn search_lines(
-    image: &GreyImage,
+    image: GreyView<'_>,
     tile: Tile,
     width: usize,
     threshold: u8,
@@ -264,6 +264,7 @@ fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
 mod tests {
     use super::*;
     use crate::synthetic::{StripeImage, render};
+    use hydroline_core::frame::GreyImage;
 
     fn whole(image: &GreyImage) -> Tile {
         Tile {
@@ -294,7 +295,7 @@ mod tests {
             let mut spots = Spots::default();
             spots.clear(image.width_px);
             search(
-                &image,
+                (&image).into(),
                 whole(&image),
                 threshold(noise),
                 &mut CoarseScratch::default(),
@@ -320,11 +321,11 @@ mod tests {
         all.clear(image.width_px);
         part.clear(image.width_px);
         let mut scratch = CoarseScratch::default();
-        search(&image, whole(&image), 8, &mut scratch, &mut all);
+        search((&image).into(), whole(&image), 8, &mut scratch, &mut all);
         for from in (0..image.width_px).step_by(TILE_COLUMNS) {
             let to = (from + TILE_COLUMNS).min(image.width_px);
             search(
-                &image,
+                (&image).into(),
                 Tile {
                     from,
                     to,

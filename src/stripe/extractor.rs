@@ -8,7 +8,7 @@ use super::haze::{Haze, HazeTable};
 use super::kernel::KernelTable;
 use super::path::PathScratch;
 use super::{ExtractorConfig, Orientation, Profile, ProfileFault, noise, scatter, transpose};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 use std::ops::Range;
 
 /// Fewest rows in which a stripe and its background fit.
@@ -78,7 +78,11 @@ impl Extractor {
     }
 
     /// Extracts the stripe of a frame about which nothing is known.
-    pub fn extract(&mut self, image: &GreyImage) -> Profile {
+    pub fn extract<'a>(&mut self, image: impl Into<GreyView<'a>>) -> Profile {
+        self.extract_whole(image.into())
+    }
+
+    fn extract_whole(&mut self, image: GreyView<'_>) -> Profile {
         if let Some(fault) = self.check(image) {
             return faulty(image, fault);
         }
@@ -86,7 +90,7 @@ impl Extractor {
             Orientation::Horizontal => self.extract_tiles(image, None),
             Orientation::Vertical => {
                 let lying = transpose::image(image);
-                transpose::profile(self.extract_tiles(&lying, None))
+                transpose::profile(self.extract_tiles((&lying).into(), None))
             }
         }
     }
@@ -97,12 +101,13 @@ impl Extractor {
     /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
     /// that lies outside the band as a whole and would win over the one inside is not seen. Bands are
     /// for horizontal stripes: a vertical one is sought in the whole frame.
-    pub fn extract_in_band(&mut self, image: &GreyImage, band: &Band) -> Profile {
+    pub fn extract_in_band<'a>(&mut self, image: impl Into<GreyView<'a>>, band: &Band) -> Profile {
+        let image = image.into();
         if let Some(fault) = self.check(image) {
             return faulty(image, fault);
         }
         if self.config.orientation == Orientation::Vertical {
-            return self.extract(image);
+            return self.extract_whole(image);
         }
         if band.size_px() == (image.width_px, image.height_px) {
             let profile = self.extract_tiles(image, Some(band));
@@ -119,7 +124,7 @@ impl Extractor {
         self.extract_tiles(image, None)
     }
 
-    fn check(&self, image: &GreyImage) -> Option<ProfileFault> {
+    fn check(&self, image: GreyView<'_>) -> Option<ProfileFault> {
         let (width_px, height_px) = (image.width_px, image.height_px);
         let needed = width_px.saturating_mul(height_px);
         let got = image.pixels.len();
@@ -143,7 +148,7 @@ impl Extractor {
         })
     }
 
-    fn extract_tiles(&mut self, image: &GreyImage, band: Option<&Band>) -> Profile {
+    fn extract_tiles(&mut self, image: GreyView<'_>, band: Option<&Band>) -> Profile {
         let noise_sd = noise::noise_sd(image);
         let spotted = self.find_spots(image, band, noise_sd);
         if spotted == 0 {
@@ -165,12 +170,12 @@ impl Extractor {
         let mut levelled = None;
         if restless && let Some(banding) = self.find_banding(image, haze, noise_sd) {
             let image = banding.taken_off(image, self.ceiling);
-            self.find_spots(&image, band, noise_sd);
-            (haze, _) = self.follow(&image, noise_sd);
+            self.find_spots((&image).into(), band, noise_sd);
+            (haze, _) = self.follow((&image).into(), noise_sd);
             self.row_level_sd = banding.left_sd;
             levelled = Some(image);
         }
-        let image = levelled.as_ref().unwrap_or(image);
+        let image = levelled.as_ref().map_or(image, GreyView::from);
         let mut profile = Profile {
             noise_sd,
             size_px: (image.width_px, image.height_px),
@@ -213,7 +218,7 @@ impl Extractor {
 
     fn find_banding(
         &self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         haze: Option<Haze>,
         noise_sd: f64,
     ) -> Option<Banding> {
@@ -223,7 +228,7 @@ impl Extractor {
     }
 
     /// Candidates of all columns; returns the number of columns that have one.
-    fn find_spots(&mut self, image: &GreyImage, band: Option<&Band>, noise_sd: f64) -> usize {
+    fn find_spots(&mut self, image: GreyView<'_>, band: Option<&Band>, noise_sd: f64) -> usize {
         let threshold = coarse::threshold(noise_sd);
         self.spots.clear(image.width_px);
         match band {
@@ -249,7 +254,7 @@ impl Extractor {
     }
 }
 
-fn faulty(image: &GreyImage, fault: ProfileFault) -> Profile {
+fn faulty(image: GreyView<'_>, fault: ProfileFault) -> Profile {
     Profile {
         size_px: (image.width_px, image.height_px),
         fault: Some(fault),

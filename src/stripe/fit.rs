@@ -3,7 +3,7 @@
 use super::clipped;
 use super::kernel::{Kernel, LANES, Lanes, split, widened};
 use super::synthetic::haze_over_pixel;
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 use wide::{f32x4, i16x8, i32x8};
 
 /// Rows held per column: the widest kernel plus room to move.
@@ -106,7 +106,7 @@ impl Window {
 
     /// Reads up to `rows` rows of `column` around `row_px`, cut at the image's borders.
     #[inline]
-    pub fn load(&mut self, image: &GreyImage, column: usize, row_px: f64, rows: usize) {
+    pub fn load(&mut self, image: GreyView<'_>, column: usize, row_px: f64, rows: usize) {
         let rows = rows.min(WINDOW_ROWS).min(image.height_px);
         let last_start = image.height_px - rows;
         let start = ((row_px + 0.5).max(0.0) as usize)
@@ -129,7 +129,7 @@ impl Window {
     #[inline]
     pub fn load_together(
         windows: &mut [Self; 4],
-        image: &GreyImage,
+        image: GreyView<'_>,
         column: usize,
         rows_px: [f64; 4],
         rows: usize,

@@ -9,7 +9,7 @@
 use super::fit::{Fit, HazeShape};
 use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
 use super::synthetic::haze_over_pixel;
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 use nalgebra::{Matrix3, Vector3};
 use wide::{f32x4, i16x8, i32x4, u8x16};
 
@@ -111,7 +111,7 @@ impl HazeTable {
     /// whether the light beside the stripe varies by more than noise explains.
     pub fn estimate(
         &self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         columns: &[(usize, &Fit)],
         noise_sd: f64,
     ) -> (Option<Haze>, bool) {
@@ -128,7 +128,7 @@ impl HazeTable {
     fn established(
         &self,
         sign: Haze,
-        image: &GreyImage,
+        image: GreyView<'_>,
         columns: &[(usize, &Fit)],
         noise_sd: f64,
     ) -> Option<Haze> {
@@ -182,7 +182,7 @@ impl HazeTable {
 
 /// Gathers the light beside the stripe from about `most` columns, eight neighbours at a time.
 fn surroundings(
-    image: &GreyImage,
+    image: GreyView<'_>,
     columns: &[(usize, &Fit)],
     most: usize,
     noise_sd: f64,
@@ -248,7 +248,7 @@ fn surroundings(
 /// Adds what lies around one group of columns, aligned on the middle of their stripe; returns how
 /// far its rows are apart \[px\]. Next to the decay of haze (20 px or more) that blurs nothing.
 fn add_group(
-    image: &GreyImage,
+    image: GreyView<'_>,
     group: &[(usize, &Fit)],
     noise_sd: f64,
     sums: &mut [i32x4; SIZE],

@@ -14,7 +14,7 @@ use super::extractor::Extractor;
 use super::fit::{self, Known, Window};
 use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX};
 use super::trace::WIDTH_ROWS;
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Columns of a chain that are looked at.
 const SAMPLES: usize = 15;
@@ -44,7 +44,7 @@ struct Look {
 
 impl Extractor {
     /// Rules out the candidates of all lines but the best, where lines share columns.
-    pub(super) fn rule_out_other_lines(&mut self, image: &GreyImage, noise_sd: f64) {
+    pub(super) fn rule_out_other_lines(&mut self, image: GreyView<'_>, noise_sd: f64) {
         let crowded = (0..image.width_px).filter(|c| self.spots.column(*c).len() > 1);
         if crowded.take(self.config.min_stretch_columns + 1).count()
             <= self.config.min_stretch_columns
@@ -104,7 +104,7 @@ impl Extractor {
     /// Fits a chain in some of its columns; `None` where it has no profile of a beam.
     fn look(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         chain: &Chain,
         noise_sd: f64,
         ceiling: u8,

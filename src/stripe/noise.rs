@@ -1,6 +1,6 @@
 //! Noise of a frame, from the frame itself.
 
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Smallest noise: what rounding to whole grey levels adds, sqrt(1/12).
 pub(super) const ROUNDING_SD: f64 = 0.288_675_134_594_812_9;
@@ -14,7 +14,7 @@ const COLUMN_STEP: usize = 4;
 /// Differences of neighbours along rows (insensitive to a stripe that runs along them and to slow
 /// light), truncated at three of their own sd (insensitive to edges and particles) and corrected for
 /// the truncation. A fixed grid of pixels: a function of the image alone, the same in a band.
-pub(super) fn noise_sd(image: &GreyImage) -> f64 {
+pub(super) fn noise_sd(image: GreyView<'_>) -> f64 {
     let (w, h) = (image.width_px, image.height_px);
     // Two histograms in turn: the same difference twice running does not wait for itself.
     let mut histograms = [[0u32; 256]; 2];
@@ -76,6 +76,7 @@ pub(super) fn truncated_sd(histogram: &[u32; 256]) -> f64 {
 mod tests {
     use super::*;
     use crate::synthetic::{StripeImage, render};
+    use hydroline_core::frame::GreyImage;
 
     #[test]
     fn noise_is_found_to_three_percent_with_a_stripe_and_without() {
@@ -89,7 +90,7 @@ mod tests {
                     slope: 0.3,
                     ..Default::default()
                 };
-                let found = noise_sd(&render(&stripe));
+                let found = noise_sd((&render(&stripe)).into());
                 let truth = (sd * sd + 1.0 / 12.0).sqrt();
                 assert!((found / truth - 1.0).abs() < 0.03, "{sd}: {found}");
             }
@@ -103,6 +104,6 @@ mod tests {
             height_px: 30,
             pixels: vec![7; 1200],
         };
-        assert!((noise_sd(&flat) - ROUNDING_SD).abs() < 1e-12);
+        assert!((noise_sd((&flat).into()) - ROUNDING_SD).abs() < 1e-12);
     }
 }

@@ -6,11 +6,16 @@ use super::fit::{self, Fit, Known, Window};
 use super::haze::Haze;
 use super::trace::WIDTH_ROWS;
 use super::{Profile, StripePoint, noise, quality, segments};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 impl Extractor {
     /// Points and rivals from the tracks.
-    pub(super) fn report(&mut self, image: &GreyImage, haze: Option<Haze>, profile: &mut Profile) {
+    pub(super) fn report(
+        &mut self,
+        image: GreyView<'_>,
+        haze: Option<Haze>,
+        profile: &mut Profile,
+    ) {
         let places = |t: &Track| (t.column, t.fit.row_px);
         segments::split(self.tracks.iter().map(places), &mut self.stretches);
         // Again: fits that did not stand have left new ends.
@@ -97,7 +102,7 @@ impl Extractor {
     #[cold]
     fn report_rivals(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         column: usize,
         own: Option<(usize, f64)>,
         sigma_px: f64,

@@ -8,7 +8,7 @@
 //! 8.4 sd of a row.
 
 use super::{StripePoint, quality};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Variance that fits leave over that of the frame's noise up to which noise is as large on the
 /// stripe as beside it.
@@ -46,7 +46,7 @@ const WHITE: f64 = 1.3;
 /// What the sds of a frame's rows are to be multiplied by, given the variance that its fits leave;
 /// `None` = nothing.
 pub(super) fn sd_scale(
-    image: &GreyImage,
+    image: GreyView<'_>,
     points: &[StripePoint],
     noise_sd: f64,
     variance: f64,
@@ -69,7 +69,7 @@ pub(super) fn sd_scale(
 }
 
 /// Whether neighbouring pixels have noise of their own.
-fn is_white(image: &GreyImage) -> bool {
+fn is_white(image: GreyView<'_>) -> bool {
     let step = (image.height_px / ROWS).max(1);
     let lines = image.pixels.chunks_exact(image.width_px.max(1));
     let (mut near, mut far) = ([0u32; 256], [0u32; 256]);
@@ -169,12 +169,12 @@ mod tests {
                 row0_px: 150.0,
                 ..Default::default()
             });
-            assert!(is_white(&image), "{noise_sd}");
+            assert!(is_white((&image).into()), "{noise_sd}");
             let sharp = image.pixels.clone();
             for (i, pixel) in image.pixels.iter_mut().enumerate().skip(1) {
                 *pixel = (u16::from(sharp[i]) + u16::from(sharp[i - 1])).div_ceil(2) as u8;
             }
-            assert!(!is_white(&image), "{noise_sd}");
+            assert!(!is_white((&image).into()), "{noise_sd}");
         }
     }
 

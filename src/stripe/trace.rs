@@ -5,7 +5,7 @@ use super::fit::{self, Fit, HazeShape, Known, WidthPrior, Window};
 use super::haze::Haze;
 use super::kernel::{SIGMA_MAX_PX, SIGMA_MIN_PX, profile};
 use super::{ceiling, path, segments};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::GreyView;
 
 /// Columns read ahead of their fits; [`predicted`] reaches back as far.
 const COLUMNS_AHEAD: usize = 4;
@@ -34,7 +34,7 @@ const CEILING_SIGNIFICANCE: f64 = 4.0;
 impl Extractor {
     /// Path, first fit, haze and second fit. Leaves the columns in `tracks`; says what haze there is
     /// and whether the light beside the stripe is restless.
-    pub(super) fn follow(&mut self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
+    pub(super) fn follow(&mut self, image: GreyView<'_>, noise_sd: f64) -> (Option<Haze>, bool) {
         let step_cost = self.config.step_cost_columns as f32;
         self.rule_out_other_lines(image, noise_sd);
         self.tracks.clear();
@@ -117,7 +117,7 @@ impl Extractor {
     /// The level at which this frame clips, left in `ceiling`, and the first idea of the width \[px\].
     fn find_ceiling_and_width(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         chosen: &[(usize, usize)],
         noise_sd: f64,
         window: &mut Window,
@@ -143,7 +143,7 @@ impl Extractor {
     /// Whether the flanks of columns that reach the ceiling imply light above it.
     fn flanks_rise_above(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         places: &[(usize, f32)],
         width_px: f64,
         noise_sd: f64,
@@ -193,7 +193,7 @@ impl Extractor {
     /// Median width over a sample of columns, from the stripe's edges \[px\].
     fn first_width(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         chosen: &[(usize, usize)],
         window: &mut Window,
     ) -> f64 {
@@ -290,7 +290,7 @@ impl Extractor {
     }
 
     /// The haze, and whether the light beside the stripe is more restless than noise and haze.
-    fn find_haze(&self, image: &GreyImage, noise_sd: f64) -> (Option<Haze>, bool) {
+    fn find_haze(&self, image: GreyView<'_>, noise_sd: f64) -> (Option<Haze>, bool) {
         let alone = |t: &&Track| {
             // What is ruled out and far away leaves the stripe's surroundings alone.
             let spots = self.spots.column(t.column);
@@ -313,7 +313,7 @@ impl Extractor {
     /// Second fit with each region's own width and the haze taken out.
     fn refit(
         &mut self,
-        image: &GreyImage,
+        image: GreyView<'_>,
         haze: Option<Haze>,
         window: &mut Window,
         noise_sd: f64,
@@ -478,7 +478,7 @@ fn like_the_last(tracks: &[Track], row_px: f64) -> Option<Fit> {
 #[inline]
 fn load_group(
     windows: &mut [Window; COLUMNS_AHEAD],
-    image: &GreyImage,
+    image: GreyView<'_>,
     group: &[(usize, usize)],
     near: [Option<f64>; COLUMNS_AHEAD],
     rows: usize,

@@ -1,13 +1,13 @@
 //! Columns for rows: a vertical stripe is a horizontal one in the transposed image.
 
 use super::{Profile, StripePoint};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::{GreyImage, GreyView};
 
 /// Side of a block that stays in the cache \[px\].
 const BLOCK_PX: usize = 32;
 
 /// The image with rows and columns exchanged. Its buffer must fit its size.
-pub(super) fn image(image: &GreyImage) -> GreyImage {
+pub(super) fn image(image: GreyView<'_>) -> GreyImage {
     let (width, height) = (image.width_px, image.height_px);
     let mut pixels = vec![0; image.pixels.len()];
     for top in (0..height).step_by(BLOCK_PX) {
@@ -51,8 +51,8 @@ mod tests {
             haze_fraction: 0.03,
             ..Default::default()
         });
-        let standing = image(&lying);
-        assert_eq!(image(&standing), lying);
+        let standing = image((&lying).into());
+        assert_eq!(image((&standing).into()), lying);
         let flat = Extractor::new(ExtractorConfig::default()).extract(&lying);
         let mut upright = Extractor::new(ExtractorConfig {
             orientation: Orientation::Vertical,

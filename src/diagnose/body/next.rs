@@ -6,6 +6,7 @@ use hydroline_calib::calibration::Calibration;
 use hydroline_design::Admission;
 use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
+use hydroline_numerics::cancel;
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::Allocation;
@@ -82,6 +83,7 @@ impl Judged<'_> {
         let mut scored: Vec<(Plan, usize, f64)> = plans
             .into_par_iter()
             .filter_map(|plan| {
+                cancel::check();
                 let (nearest, gain) = gain(&plan)?;
                 gain.is_finite().then_some((plan, nearest, gain))
             })

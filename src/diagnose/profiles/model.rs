@@ -2,6 +2,7 @@
 
 use super::geometry::{Geometry, Placed, Ray};
 use super::observe::{Bin, Edge, Seen};
+use hydroline_numerics::cancel;
 use hydroline_pose::outline::Edge as Side;
 
 /// What is shared by all frames whatever the hypothesis, with the spread of its prior.
@@ -242,6 +243,7 @@ pub fn residuals(
     shared: (&[Shared], &[f64]),
     out: &mut Vec<f64>,
 ) {
+    cancel::check();
     out.clear();
     let value = |which: Shared| {
         let place = shared.0.iter().position(|s| *s == which);

@@ -1,6 +1,7 @@
 //! What instruments would have measured of a body, and its derivatives.
 
 use hydroline_identify::parameter::Term as CoefficientTerm;
+use hydroline_numerics::cancel;
 use hydroline_sim::effect::Trend;
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
@@ -84,6 +85,7 @@ impl Body {
         natural: &[T],
         starts: &[T],
     ) -> Vec<[T; 12]> {
+        cancel::check();
         let r = &self.recording.runs[index];
         let Some(model) = self.model(terms, natural) else {
             return vec![[T::from_f64(f64::NAN); 12]; r.times_s.len()];

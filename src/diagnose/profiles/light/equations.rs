@@ -5,6 +5,7 @@ use super::forward::{AMBIENTS, Fields, Forward, GAINS, Own, Uncertain};
 use super::options::LightOptions;
 use super::samples::{Bin, LightFrame};
 use crate::profiles::candidate::Base;
+use hydroline_numerics::cancel;
 use hydroline_rigs::Rig;
 use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2};
 use rayon::prelude::*;
@@ -357,6 +358,7 @@ impl Data<'_> {
         (moved, spread_grey): (&[(Forward, f64)], f64),
         slopes: bool,
     ) -> Frame {
+        cancel::check();
         let own = self.own(x);
         let others: Vec<Own> = (0..OWN)
             .map(|k| {
