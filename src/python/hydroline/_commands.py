@@ -226,7 +226,7 @@ def doctor(
     >>> doctor(reversals)
     <hydroline.Health: sound, ... findings>
     """
-    return Health(call("doctor", "doctor", {"log": log}, progress))
+    return Health(call("doctor", "doctor", {"logs": log}, progress))
 
 
 def import_table(
@@ -285,7 +285,7 @@ def calibrate(
     The arguments are those of ``hydroline calibrate``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
-    inputs: Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of images
+    inputs: Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of them
     out: Calibration to write
     board: Board file or built-in name; default: the rig's [board]
     method: Map to fit
