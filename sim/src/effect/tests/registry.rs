@@ -119,10 +119,8 @@ fn every_file_of_an_effect_is_registered() {
 /// The laws are derived in the book: a row per effect, with each of its numbers and with `[dof]` where it has a `dof` word.
 #[test]
 fn every_effect_has_its_row_in_the_chapter_of_physics() {
-    let page = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../src/guide/theory/physics.md"
-    );
+    let room = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = room.join("../src/guide").join("theory/physics.md");
     let text = std::fs::read_to_string(page).unwrap();
     for info in ALL {
         let id = info.id;
