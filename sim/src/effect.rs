@@ -3,14 +3,17 @@
 //! **One effect is one file** under `effect/`: its [`EffectInfo`] (id, law in words,
 //! parameters with unit, range and default, stage, order, confusable, source) and its law in
 //! code, a type generic over [`Real`](crate::Real) that implements [`Law`]. The registry
-//! (`effect/registry.rs`) holds one line per effect; nothing else names an effect.
+//! (`effect/registry.rs`) holds one line per effect, this file its `mod` line; no other code names an effect.
 //!
 //! How the generic laws are stored: [`Law<T>`] is object-safe for each fixed `T`, so a
 //! stack is a `Vec<Box<dyn Law<T>>>`; only the constructor must be generic over `T`, and
 //! the registry's macro writes that `match`. `f64` stacks simulate, dual stacks give
 //! exact sensitivities to effect parameters, from the same law.
 //!
-//! Adding one: write `effect/<id>.rs` with `INFO` and `pub(super) fn law`, add its line.
+//! Adding one: write `effect/<id>.rs` with `INFO` and `pub(super) fn law`, its `mod` line here, its line in the
+//! registry and its row in theory/physics.md; `cargo test -p hydroline-sim` names what is missing. The guide's chapter
+//! adding-an-effect.md goes through it. (The registry's macro could write the `mod` lines, but rustfmt does not look into
+//! modules that a macro declares.)
 
 mod added_mass_coupling;
 mod advance_loss;

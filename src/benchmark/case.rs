@@ -253,7 +253,7 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
     let mut last = String::new();
     for attempt in 0..TRIES {
         let vehicle = off(&rig, &mut rng);
-        let wanted = wanted(category, index + attempt / STAY * SHIFT, top_n, &mut rng);
+        let wanted = wanted(category, index + attempt / STAY * SHIFT, top_n, &mut rng)?;
         let clean = index % 5 == 4;
         let mut tank = Tank {
             rig: rig.clone(),
@@ -381,7 +381,12 @@ struct Drawn {
     external_law: Wanted,
 }
 
-fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Drawn {
+fn wanted(
+    category: Category,
+    index: usize,
+    top_n: f64,
+    rng: &mut StdRng,
+) -> Result<Drawn, ProveError> {
     // Every third case of one to three effects has a law that is not quite the library's.
     let near = index % 3 == 2;
     let nth = index / 3 * 2 + index % 3;
@@ -459,13 +464,13 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
         .iter()
         .map(|id| {
             let share = 0.3 + 0.7 * rng.random::<f64>();
-            let mut made = magnitudes::entry(id, share, top_n, rng);
+            let mut made = magnitudes::entry(id, share, top_n, rng)?;
             if category == Category::Paper {
                 paper::against(&mut made);
             }
-            made
+            Ok(made)
         })
-        .collect();
+        .collect::<Result<_, ProveError>>()?;
     if background {
         for _ in 0..4 {
             let mut id = others(&taken, rng);
@@ -475,14 +480,14 @@ fn wanted(category: Category, index: usize, top_n: f64, rng: &mut StdRng) -> Dra
             }
             taken.push(id);
             let share = 0.03 + 0.05 * rng.random::<f64>();
-            entries.push(magnitudes::entry(id, share, top_n, rng));
+            entries.push(magnitudes::entry(id, share, top_n, rng)?);
         }
     }
-    Drawn {
+    Ok(Drawn {
         entries,
         mains: mains.len(),
         external_law,
-    }
+    })
 }
 
 /// An effect that is not taken, nor is its twin.

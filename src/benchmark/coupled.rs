@@ -4,6 +4,7 @@
 //! A verdict is right where what matters is named with its effect and its DOF (or stands, complete, among sets that tie),
 //! and where nothing that matters is there, `none`.
 
+mod drawn;
 mod make;
 
 pub use make::{CoupledCase, Instruments, There, make};

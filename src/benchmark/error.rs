@@ -7,6 +7,7 @@ use hydroline_diagnose::DiagnoseError;
 use hydroline_identify::data::LoadError;
 use hydroline_plan::setpoint::SetpointError;
 use hydroline_sim::ThrustError;
+use hydroline_sim::trajectory::TrajectoryError;
 
 /// What can go wrong around a case.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +24,19 @@ pub enum ProveError {
     /// Effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
+    /// An effect that no case knows a practical size of.
+    #[error(
+        "no practical size of '{effect}' is known: src/benchmark/{file} has its effects in a list, and an arm for each of them"
+    )]
+    Unsized {
+        /// Effect.
+        effect: String,
+        /// File that draws it.
+        file: &'static str,
+    },
+    /// Integration.
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
     /// Messages.
     #[error(transparent)]
     Load(#[from] LoadError),

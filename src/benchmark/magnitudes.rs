@@ -1,10 +1,12 @@
 //! Practical sizes: what a share of an effect's practical size is in its parameters.
 //!
-//! Only the motion-level effects that act in surge and leave something in a position log; sizes as
-//! in theory/physics.md. 1 = the largest that a tank run may show, 0 = nothing.
+//! Only the motion-level effects that act in surge and leave something in a position log, by hand: an effect that is new to
+//! the library is in no case until it stands in [`EFFECTS`] and in [`entry`]. Sizes as in theory/physics.md. 1 = the largest that a tank run may show, 0 = nothing.
 
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use rand::{RngExt, rngs::StdRng};
+
+use crate::error::ProveError;
 
 /// Effects of the cases.
 pub const EFFECTS: [&str; 18] = [
@@ -29,7 +31,15 @@ pub const EFFECTS: [&str; 18] = [
 ];
 
 /// An effect at a share of its practical size; `top_n` = largest command \[N\].
-pub fn entry(id: &str, share: f64, top_n: f64, rng: &mut StdRng) -> PhysicsEntry {
+///
+/// # Errors
+/// [`ProveError::Unsized`] where the effect is none of [`EFFECTS`].
+pub fn entry(
+    id: &str,
+    share: f64,
+    top_n: f64,
+    rng: &mut StdRng,
+) -> Result<PhysicsEntry, ProveError> {
     let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
     let parameters: Vec<(&str, f64)> = match id {
         "camera_latency" => vec![("delay_s", 0.15 * share)],
@@ -60,19 +70,25 @@ pub fn entry(id: &str, share: f64, top_n: f64, rng: &mut StdRng) -> PhysicsEntry
         "astern_drag" => vec![("gain", 1.0 + 0.8 * share)],
         "coulomb_friction" => vec![("f_n", 0.5 * share)],
         "fluid_memory" => vec![("gain_nspm", 200.0 * share), ("tau_s", between(0.3, 2.0))],
-        _ => vec![
+        "wall_added_mass" => vec![
             ("gain", 0.2 * share),
             ("wall_x_m", between(-0.8, 1.5)),
             ("length_m", between(0.2, 0.8)),
         ],
+        _ => {
+            return Err(ProveError::Unsized {
+                effect: id.to_owned(),
+                file: "magnitudes.rs",
+            });
+        }
     };
-    PhysicsEntry {
+    Ok(PhysicsEntry {
         effect: id.to_owned(),
         parameters: parameters
             .into_iter()
             .map(|(n, v)| (n.to_owned(), ParameterValue::Number(v)))
             .collect(),
-    }
+    })
 }
 
 fn either(v: f64) -> f64 {
@@ -102,9 +118,26 @@ mod tests {
         let mut rng = StdRng::seed_from_u64(7);
         for id in EFFECTS {
             for share in [0.03, 0.08, 0.4, 1.0] {
-                let made = entry(id, share, 16.0, &mut rng);
+                let made = entry(id, share, 16.0, &mut rng).unwrap();
                 assert!(EffectStack::build(&[made]).is_ok(), "{id} {share}");
             }
+        }
+    }
+
+    /// A name without an arm was drawn with the keys of the last one's.
+    #[test]
+    fn an_effect_without_a_size_is_an_error() {
+        let mut rng = StdRng::seed_from_u64(7);
+        for info in hydroline_sim::effect::ALL {
+            let known = entry(info.id, 0.5, 16.0, &mut rng).is_ok();
+            assert_eq!(known, EFFECTS.contains(&info.id), "{}", info.id);
+        }
+        for id in crate::external_law::NEAR
+            .iter()
+            .chain(&crate::modulated::MODULATED)
+            .chain(&crate::paper::SET)
+        {
+            assert!(EFFECTS.contains(id), "{id}");
         }
     }
 }

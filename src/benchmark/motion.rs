@@ -183,7 +183,7 @@ mod tests {
         let stamps: Vec<f64> = (0..250).map(|k| 0.006 + 0.04 * f64::from(k)).collect();
         let mut rng = StdRng::seed_from_u64(3);
         for id in magnitudes::EFFECTS {
-            let entries = [magnitudes::entry(id, 0.6, 8.0, &mut rng)];
+            let entries = [magnitudes::entry(id, 0.6, 8.0, &mut rng).unwrap()];
             let mover = Mover {
                 vehicle: &rig.vehicle,
                 entries: &entries,

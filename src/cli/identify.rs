@@ -547,6 +547,9 @@ fn print(result: &Identification) {
         result.method,
         result.evaluations
     );
+    if let Some(words) = result.held() {
+        outln!("  {words}");
+    }
     outln!(
         "  {:<9}{:>12} {:>11}   {:<26}{:>10}  unit",
         "",

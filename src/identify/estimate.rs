@@ -234,13 +234,7 @@ pub fn identify(
         .collect();
     let restoring = dofs.iter().any(|d| matches!(d, Dof::Roll | Dof::Pitch));
     result.blind_spots = blind_spots(&moving, &dofs, &resting, &undetermined, restoring);
-    if !rig.physics.is_empty() {
-        let each: Vec<&str> = rig.physics.iter().map(|p| p.effect.as_str()).collect();
-        result.notes.push(format!(
-            "[[physics]] of the rig is held as it is ({}): what its numbers are off by is in no interval above",
-            each.join(", ")
-        ));
-    }
+    result.held_effects = rig.physics.iter().map(|p| p.effect.clone()).collect();
     Ok(result)
 }
 

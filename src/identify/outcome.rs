@@ -187,6 +187,8 @@ pub struct Identification {
     pub cross_validation: Vec<CrossValidation>,
     /// What this data cannot show.
     pub blind_spots: Vec<NotIdentifiable>,
+    /// Effects in the rig's `[[physics]]`: held as they are, not fitted.
+    pub held_effects: Vec<String>,
     /// Runs.
     pub runs: Vec<RunSummary>,
     /// Remarks.
@@ -197,6 +199,17 @@ pub struct Identification {
 }
 
 impl Identification {
+    /// What was held of the rig's `[[physics]]`, in words; `None` where it has none.
+    pub fn held(&self) -> Option<String> {
+        let held = &self.held_effects;
+        (!held.is_empty()).then(|| {
+            format!(
+                "[[physics]] of the rig is held, not fitted ({}): what its numbers are off by is in no interval; `hydroline diagnose` fits effects",
+                held.join(", ")
+            )
+        })
+    }
+
     /// Value of a coefficient by key.
     pub fn value(&self, key: &str) -> Option<f64> {
         self.parameters.get(key).map(|p| p.value)

@@ -28,6 +28,9 @@ pub fn html(result: &Identification, command: &str) -> String {
     for words in &result.misfit {
         b.warning(words);
     }
+    if let Some(words) = result.held() {
+        b.paragraph(words);
+    }
     coefficients(b, result);
     runs(b, result);
     noise(b, result);

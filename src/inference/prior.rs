@@ -288,6 +288,7 @@ pub fn nothing(p: &ParameterInfo) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroline_sim::effect::ALL;
     use proptest::prelude::*;
 
     proptest! {
@@ -301,6 +302,56 @@ mod tests {
                 let numeric = (density.ln(x + h) - density.ln(x - h)) / (2.0 * h);
                 prop_assert!((density.step(x).0 - numeric).abs() < 1e-6);
             }
+        }
+    }
+
+    /// A number of one sign that goes by its logarithm is never searched on the other side of 0, whatever its limits allow: an
+    /// effect of that sign is named by something else. Each one says why that is meant.
+    #[test]
+    fn where_limits_allow_a_sign_that_the_prior_cannot_reach_that_is_meant() {
+        const DRIVES: &str = "the other sign drives instead of resisting: another mechanism";
+        const PHASE: &str = "the other sign is the same with the phase moved by half a turn";
+        const MEANT: [(&str, &str); 10] = [
+            ("battery_sag sag", "a supply does not rise under load"),
+            (
+                "advance_loss loss_spm",
+                "a propeller gains no thrust by speed",
+            ),
+            (
+                "wall_added_mass gain",
+                "a wall adds mass (Lamb 1932, art. 137)",
+            ),
+            ("seiche amp_mps", PHASE),
+            ("attitude_disturbance amp_rad", PHASE),
+            ("linear_damping coefficient", DRIVES),
+            ("quadratic_damping coefficient", DRIVES),
+            ("lift_damping c", DRIVES),
+            ("coulomb_friction f_n", DRIVES),
+            ("fluid_memory gain_nspm", DRIVES),
+        ];
+        let mut found = Vec::new();
+        for info in ALL.iter().filter(|i| !i.is_written()) {
+            for (index, p) in info.parameters.iter().enumerate() {
+                let scale = Scale::of(p, index);
+                let other = if scale.sign > 0.0 {
+                    -p.limits.0
+                } else {
+                    p.limits.1
+                };
+                if scale.logarithmic && other > 0.0 {
+                    found.push(format!("{} {}", info.id, p.name));
+                }
+            }
+        }
+        for name in &found {
+            assert!(
+                MEANT.iter().any(|(meant, _)| meant == name),
+                "{name}: its plausible range has one sign, so the other one is never searched, though its limits allow it: let \
+                 the range span 0, narrow the limits, or list it here with the reason"
+            );
+        }
+        for (meant, why) in MEANT {
+            assert!(found.iter().any(|name| name == meant), "{meant} ({why})");
         }
     }
 

@@ -173,11 +173,9 @@ pub fn candidates(ground: &Ground<'_>, on: &[CheckedEffect]) -> Vec<Candidate> {
                 continue;
             }
             let made = Candidate::new(info, words, ground);
-            // One without numbers is a candidate where it does anything at all.
-            if info.parameters.is_empty() && !made.changes(ground) {
-                continue;
+            if made.changes(ground) {
+                all.push(made);
             }
-            all.push(made);
         }
     }
     all
@@ -380,14 +378,15 @@ pub fn tables(
 
 /// Rates of all states under effects, where everything moves that may.
 fn rates(on: &[CheckedEffect], ground: &Ground<'_>) -> Option<Vec<f64>> {
-    rates_of(Hydrodynamics::new(ground.vehicle), on, ground)
+    rates_of(Hydrodynamics::new(ground.vehicle), on, ground, 1.0)
 }
 
-/// The same of another hull.
+/// The same of another hull, under loads that are `loads` times as large.
 fn rates_of(
     hydrodynamics: Hydrodynamics<f64>,
     on: &[CheckedEffect],
     ground: &Ground<'_>,
+    loads: f64,
 ) -> Option<Vec<f64>> {
     let model = Model {
         hydrodynamics,
@@ -405,7 +404,7 @@ fn rates_of(
         for d in ground.dofs.iter().chain(ground.given) {
             state.vehicle.nu[*d] = sign * some[(*d + k) % 6];
         }
-        let wrench = [3.0, -2.0, 1.0, 0.2, -0.3, 0.4].map(|w: f64| w * sign);
+        let wrench = [3.0, -2.0, 1.0, 0.2, -0.3, 0.4].map(|w: f64| w * sign * loads);
         let t_s = 1.7 + k as f64;
         let rate = model.rate_beside(t_s, t_s, &state, &wrench, Some(&beside));
         all.extend(rate.vehicle.nu);
@@ -490,19 +489,28 @@ impl Candidate {
         numbers
     }
 
-    /// Whether a law without numbers does anything in the simulated DOFs.
+    /// Whether it does anything in the simulated DOFs: its law is asked, at each of its points to begin from, where everything
+    /// moves that may, under loads small and large (a limit on the load does nothing below itself). What acts on stamps and
+    /// instruments is no part of that rate, and acts wherever something is measured.
     fn changes(&self, ground: &Ground<'_>) -> bool {
-        let rates = |on: &[CheckedEffect]| rates(on, ground);
-        rates(&[self.checked(&[])])
-            .zip(rates(&[]))
-            .is_some_and(|(a, b)| {
-                let per_state = 6 + hydroline_sim::model::OWN_STATES_MAX;
-                let simulated = |i: usize| ground.dofs.contains(&(i % per_state));
-                a.iter()
-                    .zip(&b)
-                    .enumerate()
-                    .any(|(i, (a, b))| simulated(i) && a != b)
-            })
+        if !matches!(self.info.stage, Stage::Thruster | Stage::Hydrodynamics) {
+            return true;
+        }
+        let per_state = 6 + hydroline_sim::model::OWN_STATES_MAX;
+        let differ = |a: &[f64], b: &[f64]| {
+            let each = a.iter().zip(b).enumerate();
+            each.filter(|(i, _)| ground.dofs.contains(&(i % per_state)))
+                .any(|(_, (a, b))| a != b)
+        };
+        let hull = || Hydrodynamics::new(ground.vehicle);
+        [1.0, 1e3].into_iter().any(|loads| {
+            let rates = |on: &[CheckedEffect]| rates_of(hull(), on, ground, loads);
+            let none = rates(&[]);
+            let with = |start: &Vec<f64>| rates(&[self.checked(start)]).zip(none.as_ref());
+            self.starts
+                .iter()
+                .any(|start| with(start).is_some_and(|(a, b)| differ(&a, b)))
+        })
     }
 
     /// The law is asked: scaling these numbers together scales what they do.
@@ -551,7 +559,7 @@ impl Candidate {
                     &mut hull.quadratic
                 };
                 place[d] -= 1.0;
-                does(rates_of(hull, &[], ground)).is_some_and(alike)
+                does(rates_of(hull, &[], ground, 1.0)).is_some_and(alike)
             })
         })
     }
@@ -765,5 +773,40 @@ mod tests {
         let names: std::collections::BTreeSet<String> =
             planar.iter().map(Candidate::name).collect();
         assert_eq!(names.len(), planar.len());
+    }
+
+    /// A reader's effect that acted in sway alone stood among what surge runs cannot show.
+    #[test]
+    fn an_effect_is_asked_only_where_its_law_changes_the_motion() {
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let asked = |dofs: &[usize], largest: &[f64; 6]| -> Vec<String> {
+            let ground = Ground {
+                dofs,
+                largest,
+                ..plain(&vehicle)
+            };
+            candidates(&ground, &[])
+                .iter()
+                .map(Candidate::name)
+                .collect()
+        };
+        let (surge, roll) = (asked(&[0], &[8.0; 6]), asked(&[3], &[8.0; 6]));
+        for id in ["current", "seiche", "tether_spring", "wall_added_mass"] {
+            assert!(surge.iter().any(|n| n == id), "{id}");
+            assert!(!roll.iter().any(|n| n == id), "{id}");
+        }
+        // What names its DOF is asked in it, driven or not, at loads however small.
+        let in_dof = |info: &&&EffectInfo| {
+            let dof = info.words.first().filter(|_| info.words.len() == 1);
+            dof.is_some_and(|w| w.name == "dof" && w.allowed.contains(&"surge"))
+                && !info.is_written()
+        };
+        for largest in [[8.0; 6], [0.01; 6], [0.0; 6]] {
+            let names = asked(&[0], &largest);
+            for info in ALL.iter().filter(in_dof) {
+                let name = format!("{} surge", info.id);
+                assert!(names.contains(&name), "{name} at {largest:?}");
+            }
+        }
     }
 }

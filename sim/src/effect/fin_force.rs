@@ -8,7 +8,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "fin_force",
     law: "+ (a + b |u|) |u| (c1 δ + c2 δ²) in one DOF, δ = measured angle of the fin, u through the water",
     stage: Stage::Hydrodynamics,
-    order: 140,
+    order: 135,
     // a and b with c1 and c2 say one scale twice: a fit leaves the stream at the square of the speed, a file may say otherwise.
     parameters: &[
         ParameterInfo::new(

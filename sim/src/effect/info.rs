@@ -30,11 +30,13 @@ impl Stage {
 pub struct ParameterInfo {
     /// Name in rig files, with its unit.
     pub name: &'static str,
-    /// Unit.
+    /// Unit, in the words of theory/priors.md, vehicles of another size: by it the plausible range follows the vehicle's size.
     pub unit: &'static str,
     /// What it is.
     pub meaning: &'static str,
-    /// What a tank run may show: a prior. Outside of it is allowed, with a note.
+    /// What a tank run may show: a prior. Outside of it is allowed, with a note. A range of one sign over a ratio of 4 and more
+    /// is searched by its logarithm: the other sign is never looked for, though `limits` may allow it in a rig file. Where
+    /// either sign may occur the range spans 0.
     pub plausible: (f64, f64),
     /// Beyond these the law makes no sense: refused.
     pub limits: (f64, f64),
@@ -127,13 +129,13 @@ pub struct EffectInfo {
     pub law: &'static str,
     /// Where it acts.
     pub stage: Stage,
-    /// Order within the stage, ascending.
+    /// Order within the stage, ascending; no two of a stage share one (a test names the next free one).
     pub order: u16,
     /// Numbers.
     pub parameters: &'static [ParameterInfo],
     /// Words.
     pub words: &'static [WordInfo],
-    /// Ids it can be mistaken for.
+    /// Ids it can be mistaken for; one of the two files says it ([`EffectInfo::confusable_with`] holds both ways).
     pub confusable: &'static [&'static str],
     /// Where the law is from.
     pub source: &'static str,

@@ -72,6 +72,22 @@ registry! {
     attitude_disturbance,
 }
 
+impl EffectInfo {
+    /// Ids of the effects that it can be mistaken for: those of its own list, then those that list it, in registry order.
+    pub fn confusable_with(&self) -> Vec<&'static str> {
+        let mut ids = self.confusable.to_vec();
+        let listing = ALL
+            .iter()
+            .filter(|other| other.confusable.contains(&self.id));
+        for other in listing {
+            if !ids.contains(&other.id) {
+                ids.push(other.id);
+            }
+        }
+        ids
+    }
+}
+
 /// The effect with this id.
 pub fn find(id: &str) -> Option<&'static EffectInfo> {
     ALL.iter().copied().find(|info| info.id == id)

@@ -10,7 +10,8 @@ pub fn markdown_table() -> String {
         "| effect | stage | law | parameters | mistaken for |\n|---|---|---|---|---|\n",
     );
     for info in ALL {
-        let confusable: Vec<String> = info.confusable.iter().map(|k| format!("`{k}`")).collect();
+        let confusable = info.confusable_with();
+        let confusable: Vec<String> = confusable.iter().map(|k| format!("`{k}`")).collect();
         let _ = writeln!(
             text,
             "| `{}` | {} | {} | {} | {} |",

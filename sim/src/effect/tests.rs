@@ -8,6 +8,8 @@ use crate::vehicle::Hydrodynamics;
 use hydroline_rigs::PhysicsEntry;
 use proptest::prelude::*;
 
+mod registry;
+
 #[test]
 fn lag_is_the_exact_exponential_response() {
     let lag_s = 0.25;
@@ -277,55 +279,6 @@ fn the_implausible_is_allowed_with_a_note() {
             .notes()
             .is_empty()
     );
-}
-
-#[test]
-fn the_registry_is_consistent() {
-    let mut ids: Vec<&str> = ALL.iter().map(|i| i.id).collect();
-    ids.sort_unstable();
-    ids.dedup();
-    assert_eq!(ids.len(), ALL.len(), "ids are unique");
-    for info in ALL {
-        assert_eq!(find(info.id), Some(*info));
-        assert!(
-            !info.law.is_empty() && !info.source.is_empty() && !info.confusable.contains(&info.id)
-        );
-        for p in info.parameters {
-            assert!(
-                p.limits.0 <= p.plausible.0
-                    && p.plausible.0 < p.plausible.1
-                    && p.plausible.1 <= p.limits.1
-            );
-            assert!(
-                (p.plausible.0..=p.plausible.1).contains(&p.typical),
-                "{} {}",
-                info.id,
-                p.name
-            );
-        }
-        // Every law builds at its typical values, and at both limits.
-        let at = |value: fn(&ParameterInfo) -> f64| {
-            let mut one = CheckedEffect::typical(info);
-            one.numbers = info.parameters.iter().map(value).collect();
-            one.entry()
-        };
-        for value in [
-            |p: &ParameterInfo| p.typical,
-            |p: &ParameterInfo| p.limits.0,
-            |p: &ParameterInfo| p.limits.1,
-        ] {
-            assert!(EffectStack::build(&[at(value)]).is_ok(), "{}", info.id);
-        }
-        for confusable in info.confusable {
-            let other =
-                find(confusable).unwrap_or_else(|| panic!("{}: no effect {confusable}", info.id));
-            assert!(
-                other.confusable.contains(&info.id),
-                "{} and {confusable}",
-                info.id
-            );
-        }
-    }
 }
 
 /// Every effect, and every one that acts on a DOF or an axis on each of them, at its typical values.

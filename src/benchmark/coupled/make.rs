@@ -2,14 +2,15 @@
 
 use hydroline_diagnose::Source;
 use hydroline_identify::data::{Command, Run, Sample};
-use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig};
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::VehicleState;
 use hydroline_sim::model::{Model, ModelState};
-use hydroline_sim::trajectory::Trajectory;
+use hydroline_sim::trajectory::{Trajectory, TrajectoryError};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
+use super::drawn::drawn;
 use crate::disturbance::Disturbance;
 use crate::error::ProveError;
 
@@ -30,7 +31,7 @@ const STEP_S: f64 = 0.005;
 /// sd of the attitudes \[rad\]: 0.01 deg.
 const ATTITUDE_RAD: f64 = 1.745e-4;
 /// Largest loads \[N, N m\]: the vehicle stays in the tank and moves in all three.
-const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
+pub(super) const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
 /// Least weight of an effect, in tolerances: it surely matters.
 const LEAST: f64 = 1.3;
 /// Greatest.
@@ -113,119 +114,9 @@ pub struct CoupledCase {
     pub truth: Vec<There>,
 }
 
-fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
+/// Evenly between.
+pub(super) fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.random::<f64>()
-}
-
-fn sign(rng: &mut StdRng) -> f64 {
-    if rng.random::<bool>() { 1.0 } else { -1.0 }
-}
-
-/// Effect, numbers by name, words by name.
-type Drawn = (
-    &'static str,
-    Vec<(&'static str, f64)>,
-    Vec<(&'static str, &'static str)>,
-);
-
-/// An effect of practical size in a DOF, in a cross term, or in a DOF that nobody commands.
-fn drawn(rng: &mut StdRng) -> PhysicsEntry {
-    const KINDS: usize = 15;
-    let driven = [Dof::Surge, Dof::Sway, Dof::Yaw][rng.random_range(0..3)];
-    let top = LARGEST[driven.index()];
-    // Resistance to a rate: what it is per unit of that rate's own power is as large in sway as in surge.
-    let damping = if driven == Dof::Yaw { 0.05 } else { 1.0 };
-    let dof = ("dof", driven.name());
-    let share = between(rng, 0.4, 1.0);
-    let (effect, numbers, words): Drawn = match rng.random_range(0..KINDS) {
-        0 => ("thruster_lag", vec![("lag_s", 0.5 * share)], vec![dof]),
-        1 => (
-            "thruster_deadband",
-            vec![("width_n", 0.12 * top * share)],
-            vec![dof],
-        ),
-        2 => (
-            "thruster_saturation",
-            vec![("limit_n", top * (1.0 - 0.5 * share))],
-            vec![dof],
-        ),
-        3 => (
-            "thrust_asymmetry",
-            vec![("reverse_gain", 1.0 - 0.3 * share)],
-            vec![dof],
-        ),
-        4 => (
-            "coulomb_friction",
-            vec![("f_n", 0.06 * top * share)],
-            vec![dof],
-        ),
-        5 => (
-            "constant_force",
-            vec![("bias_n", sign(rng) * 0.06 * top * share)],
-            vec![dof],
-        ),
-        6 => (
-            "cubic_damping",
-            vec![("d3", 2000.0 * damping * share)],
-            vec![dof],
-        ),
-        7 => ("astern_drag", vec![("gain", 1.0 + 0.8 * share)], vec![dof]),
-        8 => (
-            "fluid_memory",
-            vec![
-                ("gain_nspm", 200.0 * damping * share),
-                ("tau_s", between(rng, 0.3, 2.0)),
-            ],
-            vec![dof],
-        ),
-        9 => (
-            "current",
-            vec![
-                ("vx_mps", sign(rng) * 0.02 * share),
-                ("vy_mps", sign(rng) * 0.02 * between(rng, 0.1, 1.0)),
-            ],
-            vec![],
-        ),
-        10 => ("command_latency", vec![("delay_s", 0.3 * share)], vec![]),
-        11 => ("camera_latency", vec![("delay_s", 0.15 * share)], vec![]),
-        12 => (
-            "thrust_line_offset",
-            vec![("lever_m", sign(rng) * 0.04 * share)],
-            vec![("axis", "pitch")],
-        ),
-        13 => {
-            let of = ["sway", "yaw"][rng.random_range(0..2)];
-            let size = if of == "sway" { 60.0 } else { 10.0 };
-            (
-                "lift_damping",
-                vec![("coefficient", -size * share)],
-                vec![("dof", of)],
-            )
-        }
-        _ => {
-            let (of, a, b, size) = [
-                ("yaw", "u", "r", 8.0),
-                ("sway", "u", "r", 20.0),
-                ("surge", "r", "v", 40.0),
-                ("yaw", "u", "v", 12.0),
-            ][rng.random_range(0..4)];
-            (
-                "cross_flow_coupling",
-                vec![("c", -size * share)],
-                vec![("dof", of), ("a", a), ("b", b)],
-            )
-        }
-    };
-    let numbers = numbers
-        .into_iter()
-        .map(|(n, v)| (n.to_owned(), ParameterValue::Number(v)));
-    let words = words
-        .into_iter()
-        .map(|(n, v)| (n.to_owned(), ParameterValue::Word(v.to_owned())));
-    PhysicsEntry {
-        effect: effect.to_owned(),
-        parameters: numbers.chain(words).collect(),
-    }
 }
 
 /// Steps, ramps of small steps and reversals in all three at their own times.
@@ -248,25 +139,34 @@ fn commands(rng: &mut StdRng) -> Vec<Command> {
     each.collect()
 }
 
-/// Pose and rates at each stamp, as instruments without noise report them.
-fn motion(rig: &Rig, commands: &[Command], stamps_s: &[f64]) -> Option<Vec<[f64; 12]>> {
-    let model = Model::from_rig(rig).ok()?;
+/// Pose and rates at each stamp, as instruments without noise report them; `None` where the motion does not stay finite.
+fn motion(
+    rig: &Rig,
+    commands: &[Command],
+    stamps_s: &[f64],
+) -> Result<Option<Vec<[f64; 12]>>, ProveError> {
+    let model = Model::from_rig(rig)?;
     let start = ModelState::at_rest(rig.tank.start_pose);
-    let mut path = Trajectory::new(model, start, STEP_S).ok()?;
+    let mut path = Trajectory::new(model, start, STEP_S)?;
     for c in commands {
-        path.command(c.t_s, c.wrench).ok()?;
+        path.command(c.t_s, c.wrench)?;
     }
     let mut seen = Vec::with_capacity(stamps_s.len());
     for stamp_s in stamps_s {
         let t_s = path.model().effects.scene_time_s(*stamp_s, 0.0);
-        let VehicleState { eta, nu } = path.state_at(t_s).ok()?.vehicle;
+        let VehicleState { eta, nu } = match path.state_at(t_s) {
+            Ok(state) => state.vehicle,
+            Err(TrajectoryError::Diverged { .. }) => return Ok(None),
+            Err(e) => return Err(e.into()),
+        };
         let effects = &path.model().effects;
         let pose = effects.reported_pose(t_s, effects.scene_pose(t_s, eta));
         seen.push(std::array::from_fn(
             |c| if c < 6 { pose[c] } else { nu[c - 6] },
         ));
     }
-    seen.iter().flatten().all(|v| v.is_finite()).then_some(seen)
+    let finite = seen.iter().flatten().all(|v| v.is_finite());
+    Ok(finite.then_some(seen))
 }
 
 /// Runs, and what is measured of them when.
@@ -277,25 +177,31 @@ struct Runs<'a> {
     first: usize,
 }
 
-/// What is measured of all runs in tolerances, end to end.
-fn all(rig: &Rig, runs: &Runs<'_>) -> Option<DVector<f64>> {
+/// What is measured of all runs in tolerances, end to end; `None` where a motion does not stay finite.
+fn all(rig: &Rig, runs: &Runs<'_>) -> Result<Option<DVector<f64>>, ProveError> {
     let tolerance = rig.tolerance.channels();
     let mut made = Vec::new();
     for commands in runs.commands {
-        for seen in motion(rig, commands, runs.stamps_s)? {
+        let Some(seen) = motion(rig, commands, runs.stamps_s)? else {
+            return Ok(None);
+        };
+        for seen in seen {
             made.extend((runs.first..runs.first + 6).map(|c| seen[c] / tolerance[c]));
         }
     }
-    Some(DVector::from_vec(made))
+    Ok(Some(DVector::from_vec(made)))
 }
 
-/// Weight of each entry alone as reference/interfaces.md defines it, in the channel where it is largest, over the tolerance.
-fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
+/// Weight of each entry alone as reference/interfaces.md defines it, in the channel where it is largest, over the tolerance;
+/// `None` where a motion does not stay finite.
+fn weights(water: &Rig, runs: &Runs<'_>) -> Result<Option<Vec<f64>>, ProveError> {
     let bare = Rig {
         physics: Vec::new(),
         ..water.clone()
     };
-    let none = all(&bare, runs)?;
+    let Some(none) = all(&bare, runs)? else {
+        return Ok(None);
+    };
     let mut columns = Vec::new();
     for d in 0..6 {
         for k in 0..3 {
@@ -310,27 +216,36 @@ fn weights(water: &Rig, runs: &Runs<'_>) -> Option<Vec<f64>> {
                     .for_each(|v| *v *= 1.0 + by);
                 all(&rig, runs)
             };
-            let column = shifted(1e-4)? - shifted(-1e-4)?;
+            let Some((up, down)) = shifted(1e-4)?.zip(shifted(-1e-4)?) else {
+                return Ok(None);
+            };
+            let column = up - down;
             let size = column.norm();
             if size > 1e-9 {
                 columns.push(column / size);
             }
         }
     }
-    let own = DMatrix::from_columns(&columns).svd(true, false).u?;
-    let each = water.physics.iter().map(|entry| {
+    let Some(own) = DMatrix::from_columns(&columns).svd(true, false).u else {
+        return Ok(None);
+    };
+    let mut each = Vec::new();
+    for entry in &water.physics {
         let mut with = bare.clone();
         with.physics.push(entry.clone());
-        let moved = all(&with, runs)? - &none;
+        let Some(with) = all(&with, runs)? else {
+            return Ok(None);
+        };
+        let moved = with - &none;
         let left = &moved - &own * own.tr_mul(&moved);
         let rms = |c: usize| {
             let values = left.iter().skip(c).step_by(6);
             let n = left.len() / 6;
             (values.map(|v| v * v).sum::<f64>() / n.max(1) as f64).sqrt()
         };
-        Some((0..6).map(rms).fold(0.0, f64::max))
-    });
-    each.collect()
+        each.push((0..6).map(rms).fold(0.0, f64::max));
+    }
+    Ok(Some(each))
 }
 
 /// Makes a case; the same seed and number give the same bytes.
@@ -360,7 +275,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             _ => 1,
         };
         while water.physics.len() < count {
-            let new = drawn(&mut rng);
+            let new = drawn(&mut rng)?;
             if water.physics.iter().all(|e| e.effect != new.effect) {
                 water.physics.push(new);
             }
@@ -371,7 +286,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             stamps_s: &stamps_s,
             first: instruments.first(),
         };
-        let Some(weights) = weights(&water, &runs) else {
+        let Some(weights) = weights(&water, &runs)? else {
             last = "no finite motion".to_owned();
             continue;
         };
@@ -398,7 +313,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             }
         }
         let disturbance = Disturbance::draw(index % 5 == 4, &mut rng);
-        let sources: Option<Vec<Source>> = plans
+        let sources: Result<Option<Vec<Source>>, ProveError> = plans
             .into_iter()
             .enumerate()
             .map(|(k, plan)| {
@@ -411,7 +326,10 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
                 log.measured(k, plan, &mut rng)
             })
             .collect();
-        let Some(sources) = sources else { continue };
+        let Some(sources) = sources? else {
+            last = "no finite motion".to_owned();
+            continue;
+        };
         return Ok(CoupledCase {
             index,
             instruments,
@@ -455,14 +373,21 @@ struct Log<'a> {
 }
 
 impl Log<'_> {
-    /// A run as its log holds it.
-    fn measured(&self, run: usize, commands: Vec<Command>, rng: &mut StdRng) -> Option<Source> {
+    /// A run as its log holds it; `None` where its motion does not stay finite.
+    fn measured(
+        &self,
+        run: usize,
+        commands: Vec<Command>,
+        rng: &mut StdRng,
+    ) -> Result<Option<Source>, ProveError> {
         let Log {
             stamps_s,
             disturbance,
             ..
         } = *self;
-        let motion = motion(self.water, &commands, stamps_s)?;
+        let Some(motion) = motion(self.water, &commands, stamps_s)? else {
+            return Ok(None);
+        };
         let x: Vec<f64> = motion.iter().map(|p| p[0]).collect();
         let noise: Vec<Vec<f64>> = (0..3)
             .map(|_| disturbance.along(stamps_s, &x, rng))
@@ -492,7 +417,7 @@ impl Log<'_> {
                 });
             }
         }
-        Some(Source {
+        Ok(Some(Source {
             run: Run {
                 name: format!("run{run}"),
                 commands,
@@ -500,13 +425,74 @@ impl Log<'_> {
                 ..Run::default()
             },
             faults: Vec::new(),
-        })
+        }))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coupled::drawn::{self, KINDS};
+    use hydroline_rigs::Dof;
+
+    /// `lift_damping` was drawn with a key that the rig refuses: the case was drawn again, and none ever held it.
+    #[test]
+    fn cases_hold_lift_damping() {
+        let truth = make(1, 17).unwrap().truth;
+        let is_lift = |t: &There| t.name.starts_with("lift_damping");
+        assert!(truth.iter().any(is_lift), "{truth:?}");
+    }
+
+    #[test]
+    fn every_kind_of_effect_is_heavy_enough_for_a_case() {
+        let mut rng = StdRng::seed_from_u64(5);
+        let mut water = Rig::builtin("lshpi").unwrap();
+        for kind in KINDS {
+            for dof in [Dof::Surge, Dof::Sway, Dof::Yaw] {
+                for share in [0.4, 0.7, 1.0] {
+                    let entry = drawn::entry(kind, dof, share, &mut rng).unwrap();
+                    water.physics.push(entry);
+                }
+            }
+        }
+        let stamps_s: Vec<f64> = (0..600).map(|k| 0.001 + f64::from(k) / RATE_HZ).collect();
+        let mut missing = KINDS.to_vec();
+        for _ in 0..3 {
+            let plans: Vec<Vec<Command>> = (0..RUNS).map(|_| commands(&mut rng)).collect();
+            let runs = Runs {
+                commands: &plans,
+                stamps_s: &stamps_s,
+                first: Instruments::Poses.first(),
+            };
+            let weights = weights(&water, &runs).unwrap().unwrap();
+            for (entry, weight) in water.physics.iter().zip(weights) {
+                let held = (LEAST..MOST).contains(&weight);
+                missing.retain(|kind| *kind != entry.effect || !held);
+            }
+        }
+        assert!(missing.is_empty(), "always drawn again: {missing:?}");
+    }
+
+    #[test]
+    fn what_a_model_refuses_is_an_error_and_what_runs_away_is_drawn_again() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        let commands = [Command {
+            t_s: 0.0,
+            wrench: [8.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        }];
+        let seen = |rig: &Rig| motion(rig, &commands, &[0.5, 20.0]);
+        assert!(seen(&rig).unwrap().is_some());
+        let lift = |key: &str| PhysicsEntry {
+            effect: "lift_damping".to_owned(),
+            parameters: vec![(key.to_owned(), ParameterValue::Number(8.0))],
+        };
+        rig.physics = vec![lift("coefficient")];
+        assert!(matches!(seen(&rig), Err(ProveError::Effect(_))));
+        rig.physics.clear();
+        rig.vehicle.coefficients[0].quadratic = 1e6;
+        rig.vehicle.coefficients[0].linear = 1e6;
+        assert!(seen(&rig).unwrap().is_none());
+    }
 
     #[test]
     fn a_case_is_what_its_number_says_and_the_same_every_time() {

@@ -95,7 +95,7 @@ pub fn make(seed: u64, index: usize) -> Result<ImageCase, ProveError> {
         let mut off = || 1.0 + 0.2 * (2.0 * rng.random::<f64>() - 1.0);
         (c.added, c.linear, c.quadratic) = (c.added * off(), c.linear * off(), c.quadratic * off());
     }
-    tank.physics = background(&mut rng);
+    tank.physics = background(&mut rng)?;
     let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
     tank.camera.noise.read_sd = between(1.5, 2.5);
     tank.camera.noise.ambient = between(0.0, 12.0);
@@ -178,7 +178,7 @@ fn seen_poses(path: &Path, tank: &Rig, start_ns: u64) -> Result<Poses, LoadError
 }
 
 /// Four motion effects at 3–8 % of their practical size, and a disturbance about each axis.
-fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
+fn background(rng: &mut StdRng) -> Result<Vec<PhysicsEntry>, ProveError> {
     let mut ids: Vec<&str> = Vec::new();
     while ids.len() < 4 {
         let id = magnitudes::EFFECTS[rng.random_range(0..magnitudes::EFFECTS.len())];
@@ -192,7 +192,7 @@ fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
             let share = 0.03 + 0.05 * rng.random::<f64>();
             magnitudes::entry(id, share, TOP_N, rng)
         })
-        .collect();
+        .collect::<Result<_, _>>()?;
     for axis in ["roll", "pitch", "yaw"] {
         let number = |v: f64| ParameterValue::Number(v);
         all.push(PhysicsEntry {
@@ -214,7 +214,7 @@ fn background(rng: &mut StdRng) -> Vec<PhysicsEntry> {
             ],
         });
     }
-    all
+    Ok(all)
 }
 
 /// An effect in a random direction of its parameters, its size between what moves the pose by

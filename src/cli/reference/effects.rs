@@ -75,7 +75,7 @@ fn describe(text: &mut String, info: &EffectInfo) {
         table(text, columns, &rows);
     }
     let confusable: Vec<String> = info
-        .confusable
+        .confusable_with()
         .iter()
         .map(|id| format!("[{id}](#{id})"))
         .collect();

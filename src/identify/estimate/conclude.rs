@@ -149,6 +149,7 @@ impl Fit<'_> {
             misfit: Vec::new(),
             cross_validation: Vec::new(),
             blind_spots: Vec::new(),
+            held_effects: Vec::new(),
             runs: Vec::new(),
             notes: self.notes.clone(),
             traces: Vec::new(),

@@ -109,6 +109,7 @@ mod tests {
             misfit: misfit.iter().map(|w| (*w).to_owned()).collect(),
             cross_validation: Vec::new(),
             blind_spots: Vec::new(),
+            held_effects: Vec::new(),
             runs: Vec::new(),
             notes: Vec::new(),
             traces: Vec::new(),
