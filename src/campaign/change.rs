@@ -90,22 +90,23 @@ pub fn change(
     load: &LoadRuns<'_>,
 ) -> Result<Change, String> {
     let words = |e: IdentifyError| e.to_string();
-    let before = fit(&load(rig, false)?, rig).map_err(words)?;
+    let runs_before = load(rig, false)?;
+    let before = fit(&runs_before, rig).map_err(words)?;
     let shown = shown(&before);
     let reference = Coefficients::of(&before);
     let start = at(rig, &reference);
-    // The day's noise and which coefficients it determines are found once; each cause is a fit with these.
-    let own = fit(&load(&start, true)?, &start).map_err(words)?;
-    let at_own = at(&start, &Coefficients::of(&own));
+    // Noise and which coefficients are determined come from the days before: a day under a wrong cause would take its misfit
+    // for noise.
     let day = |rig: &Rig| -> Result<(Refitted, f64, f64), String> {
         let runs = load(rig, true)?;
-        let found = refit(&runs, rig, &own).map_err(words)?;
+        let found = refit(&runs, rig, &before).map_err(words)?;
         let (chi2, samples) = chi2(&found, &runs, &shown);
         Ok((found, chi2, samples))
     };
-    let (as_is, chi2_as_is, samples) = day(&at_own)?;
-    // What the whole fit knows beside the noise (misfit, errors that poses share) widens each of these alike.
-    let wider = Wider::of(&Coefficients::of(&own), &as_is);
+    let (as_is, chi2_as_is, samples) = day(&start)?;
+    // What the whole fit knows beside the noise (misfit, errors that poses share) widens a day's coefficients as those before.
+    let noise_alone = refit(&runs_before, &start, &before).map_err(words)?;
+    let wider = Wider::of(&reference, &noise_alone);
     let as_is = DayFit {
         coefficients: wider.apply(&as_is),
         chi2: chi2_as_is,
@@ -146,7 +147,7 @@ pub fn change(
     hypotheses.par_extend(several.par_iter().map(|&k| {
         let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
         let objective = |share: f64| -> f64 {
-            let Ok((fit, chi2, _)) = day(&with_share(&at_own, k, share)) else {
+            let Ok((fit, chi2, _)) = day(&with_share(&start, k, share)) else {
                 return f64::INFINITY;
             };
             match Compared::of(&reference, &wider.apply(&fit)) {
@@ -566,6 +567,15 @@ fn conclude(date: &str, since: &[String], all: &[Hypothesis], samples: f64) -> C
     }
 }
 
+/// A number with its sd, to the two digits of the sd that are known.
+fn with_sd(value: f64, sd: f64) -> String {
+    let digits = match sd > 0.0 && sd.is_finite() {
+        true => (1.0 - sd.log10().floor()).clamp(0.0, 9.0) as usize,
+        false => 3,
+    };
+    format!("{value:.digits$} ± {sd:.digits$}")
+}
+
 fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String {
     let days = match since {
         [one] => one.clone(),
@@ -578,13 +588,14 @@ fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String
     let said = |c: &Cause| -> String {
         let (value, sd) = (c.value.unwrap_or(f64::NAN), c.sd.unwrap_or(f64::NAN));
         match c.what.as_str() {
-            "mass" => format!("{:+.2} ± {:.2} kg of mass", value, sd),
-            "drag" => format!("damping {:.3} ± {:.3} times", value, sd),
-            "thrust" => format!("all thrust {:.3} ± {:.3} times", value, sd),
+            "mass" if value > 0.0 => format!("+{} kg of mass", with_sd(value, sd)),
+            "mass" => format!("{} kg of mass", with_sd(value, sd)),
+            "drag" => format!("damping {} times", with_sd(value, sd)),
+            "thrust" => format!("all thrust {} times", with_sd(value, sd)),
             "something else" => {
                 "a change that is none of mass, damping, thrust or one thruster".to_owned()
             }
-            thruster => format!("{thruster} gives {:.3} ± {:.3} of its thrust", value, sd),
+            thruster => format!("{thruster} gives {} of its thrust", with_sd(value, sd)),
         }
     };
     match causes {
@@ -622,6 +633,13 @@ mod tests {
         );
         assert!((found.value - 0.3).abs() < 1e-3 && (found.sd - 0.05).abs() < 1e-3);
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
+    }
+
+    #[test]
+    fn a_number_is_printed_to_the_digits_of_its_sd() {
+        assert_eq!(with_sd(2.00312, 0.0123), "2.003 ± 0.012");
+        assert_eq!(with_sd(0.600_028, 4.6e-5), "0.600028 ± 0.000046");
+        assert_eq!(with_sd(-16.8, 12.0), "-17 ± 12");
     }
 
     #[test]

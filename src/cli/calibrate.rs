@@ -39,7 +39,7 @@ Examples:
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
   hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml
-  hydroline calibrate logs/ --board dots-50 --out calib.toml --update    # all logs below, when one is newer
+  hydroline calibrate logs/ --board dots-50 --out calib.toml --update    # all logs below
 
 A folder of images stands for them, one without images for all logs in it and below it. A file of several that cannot be used \
 is reported, and the others are used.

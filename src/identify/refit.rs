@@ -1,5 +1,5 @@
-//! Runs fitted again as a fit before has fitted them, with its noise and its coefficients free: for searches that ask what
-//! many other loads would have made of the same runs.
+//! Runs fitted with the noise of a fit before, and with the coefficients free that it determined: for searches that ask what many
+//! other loads would have made of the same runs.
 //!
 //! What [`crate::identify`] finds out beside the coefficients (the noise and its colour, outliers, intervals by profile)
 //! costs many fits; it is the same for all of these.
@@ -33,7 +33,8 @@ pub struct Refitted {
     pub runs: Vec<(String, usize, BTreeMap<String, f64>)>,
 }
 
-/// Fits runs of all DOFs under a rig, from the coefficients that it has; free are those that `before` determined.
+/// Fits runs of all DOFs under a rig, from the coefficients that it has; free are those that `before`, a fit of these or of
+/// other runs of the vehicle, determined.
 ///
 /// # Errors
 /// [`IdentifyError`]: effects of the rig, a motion that diverges at the start, runs that all rest.

@@ -15,7 +15,7 @@ mod guide_reference;
 mod import_logs;
 mod join;
 mod live_page;
-mod log_promise;
+mod log_guarantee;
 mod many_logs;
 mod notebook;
 mod plan_sizes;

@@ -1,4 +1,4 @@
-//! What was promised of the log format (src/guide/reference/interfaces.md): logs of every release are read as they were
+//! What is guaranteed of the log format (src/guide/reference/interfaces.md): logs of every release are read as they were
 //! written, and no field of a message changed its number, type or name.
 //!
 //! `tests/data/logs/VERSION` holds logs of that release, `expected.json` with what they hold, and the release's messages as
@@ -246,7 +246,7 @@ impl Declared {
     }
 }
 
-/// Where the messages of now break what a release promised.
+/// Where the messages of now break what a release guaranteed.
 fn broken(then: &Declared, now: &Declared) -> Vec<String> {
     let mut broken = Vec::new();
     for (name, message) in &then.messages {
@@ -299,7 +299,7 @@ fn no_field_of_a_released_message_changed_number_type_or_name() {
 }
 
 #[test]
-fn a_renamed_renumbered_or_retyped_field_is_a_broken_promise() {
+fn a_renamed_renumbered_or_retyped_field_breaks_the_guarantee() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let then = Declared::at(&root.join("src/log/generated/hydroline.fds"));
     for change in 0..4 {
