@@ -16,7 +16,7 @@ Examples:
   hydroline export run.mcap                        # into the new folder run/
   hydroline export run.mcap --out tables --tables-only
   hydroline export run.mcap --merged               # the new file run.csv: one row per pose
-  hydroline export logs --merged --out tables --update    # every log below logs/ that has no table yet
+  hydroline export logs --merged --out tables --update    # what has no table yet
 
 --merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load in force (surge_n .. \
 yaw_nm), each thruster's thrust and flags (before_commands, gap_before, frame faults); an empty cell is \"not known\".

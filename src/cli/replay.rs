@@ -35,7 +35,7 @@ Examples:
   hydroline replay run.mcap --out run-poses.mcap
   hydroline replay run.mcap --calibration calib.toml --keep-images --out run-poses.mcap
   hydroline replay run-1.mcap run-2.mcap --rig my.toml --out poses    # into the folder poses/
-  hydroline replay logs --out poses --update    # every log below logs/ that has no poses yet
+  hydroline replay logs --out poses --update    # what has no poses yet
   hydroline replay run.mcap --out run-poses.mcap --live    # http://127.0.0.1:8080
   hydroline replay frames/ --rate-hz 25 --rig my.toml --out poses.mcap    # a folder of images
   hydroline replay bag.mcap --image-topic /cam/image_raw --rig my.toml --out poses.mcap
