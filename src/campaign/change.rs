@@ -51,15 +51,6 @@ pub type LoadRuns<'a> = dyn Fn(&Rig, bool) -> Result<Vec<Run>, String> + Sync + 
 /// A coefficient as it looks where a cause with a number s acts that the rig does not know.
 type Apparent = fn(Coefficient, f64, f64, &Rig) -> f64;
 
-/// The day's own fit under one cause.
-struct DayFit {
-    coefficients: Coefficients,
-    /// See [`crate::change`].
-    chi2: f64,
-    /// Independent samples.
-    samples: f64,
-}
-
 /// Noise and misfit that the days before have shown: sd per channel, and the time over which they hang together.
 struct Shown {
     sd: BTreeMap<String, f64>,
@@ -103,28 +94,24 @@ pub fn change(
         let (chi2, samples) = chi2(&found, &runs, &shown);
         Ok((found, chi2, samples))
     };
+    // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
     // What the whole fit knows beside the noise (misfit, errors that poses share) widens a day's coefficients as those before.
     let noise_alone = refit(&runs_before, &start, &before).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
-    let as_is = DayFit {
-        coefficients: wider.apply(&as_is),
-        chi2: chi2_as_is,
-        samples,
-    };
-    let compared = Compared::of(&reference, &as_is.coefficients)
+    let compared = Compared::of(&reference, &wider.apply(&as_is))
         .ok_or("no coefficient is determined on both sides")?;
-    let unchanged = as_is.chi2 + compared.distance(&|_, v| v);
+    let unchanged = chi2_as_is + compared.distance(&|_, v| v);
     let mut hypotheses = vec![
         Hypothesis::fixed("", SAME.ln(), -0.5 * unchanged),
-        compared.anything((1.0 - SAME).ln() + ELSE.ln(), as_is.chi2),
+        compared.anything((1.0 - SAME).ln() + ELSE.ln(), chi2_as_is),
     ];
     let each = ((1.0 - SAME) * (1.0 - ELSE)).ln();
     let kinds = 3.0 + f64::from(u8::from(rig.thrusters.thrusters.len() > 1));
     let m = rig.vehicle.mass_kg;
     let scaled = |ln: f64, what: Apparent, name: &str, unit: &str, sd: f64| {
         let objective =
-            |s: f64| as_is.chi2 + compared.distance(&|c, v| what(c, v, s, rig)) + (s / sd).powi(2);
+            |s: f64| chi2_as_is + compared.distance(&|c, v| what(c, v, s, rig)) + (s / sd).powi(2);
         Hypothesis::laplace(
             name,
             unit,
@@ -158,7 +145,7 @@ pub fn change(
         let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
         Hypothesis::searched(&name, ln, &objective, unchanged)
     }));
-    Ok(conclude(date, since, &hypotheses, as_is.samples))
+    Ok(conclude(date, since, &hypotheses, samples))
 }
 
 /// The rig with these coefficients.
