@@ -1,7 +1,7 @@
 //! Which logs belong together: one rig, one calibration, one water; and their days.
 
 use crate::store::Key;
-use crate::survey::{Found, Identity};
+use crate::survey::{Found, Identity, RigToml};
 use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -14,7 +14,7 @@ pub struct Group {
     /// The rig's name.
     pub vehicle: String,
     /// The rig.
-    pub rig_toml: String,
+    pub rig_toml: RigToml,
     /// Water, as the sessions say.
     pub water: String,
     /// Days, in order.
@@ -90,7 +90,7 @@ mod tests {
             hash: String::new(),
             is: Ok(Identity {
                 vehicle: rig.to_owned(),
-                rig_toml: rig.to_owned(),
+                rig_toml: rig.to_owned().into(),
                 calibration: String::new(),
                 water: water.to_owned(),
                 start_ns: start_s * 1_000_000_000,

@@ -2,10 +2,13 @@
 
 use crate::group::Group;
 use crate::sheet::{ChangeSheet, SetSheet};
-use crate::table::{Row, word};
+use crate::store::StoreError;
+use crate::table::{Row, Table as Rows, word};
 use crate::unit::Task;
 use crate::work::Campaign;
+use hydroline_identify::data::CHANNELS;
 use hydroline_report::{Axis, Body, Colour, Figure, Page, Panel, Table, significant};
+use std::collections::BTreeMap;
 
 /// Rows of runs that a page shows; all of them stand in the table beside it.
 const ROWS_MAX: usize = 10_000;
@@ -16,49 +19,149 @@ const TREND_POINTS: usize = 300;
 /// Nanoseconds in a day.
 const DAY_NS: f64 = 86_400e9;
 
+/// Columns of the table of runs.
+const LISTED: [&str; 8] = [
+    "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
+];
+
+/// What the page shows of the rows, gathered row by row.
+#[derive(Default)]
+struct Gathered {
+    /// Files that cannot be used, with why.
+    bad: Vec<[String; 2]>,
+    runs: usize,
+    listed: Vec<[String; LISTED.len()]>,
+    groups: BTreeMap<String, OfGroup>,
+}
+
+/// Of the runs of one group.
+#[derive(Default)]
+struct OfGroup {
+    /// First message of the first run, UNIX \[ns\].
+    first_ns: Option<f64>,
+    /// In how many runs a coefficient is determined.
+    determined: BTreeMap<String, usize>,
+    /// Least and greatest per channel, and of how many runs.
+    covered: BTreeMap<&'static str, ([f64; 2], usize)>,
+    /// Of the coefficients that are drawn: time since the first run \[d\], value, sd.
+    trends: Vec<(String, Vec<[f64; 3]>)>,
+}
+
+impl Gathered {
+    fn of(rows: &Rows) -> Result<Self, StoreError> {
+        let mut found = Self::default();
+        for row in rows.rows()? {
+            let row = row?;
+            match word(&row, "kind").as_str() {
+                "bad" => found.bad.push(["log", "remarks"].map(|c| word(&row, c))),
+                "run" => {
+                    found.runs += 1;
+                    if found.runs <= ROWS_MAX {
+                        found.listed.push(LISTED.map(|c| word(&row, c)));
+                    }
+                    let group = found.groups.entry(word(&row, "group")).or_default();
+                    group.add(&row);
+                }
+                _ => {}
+            }
+        }
+        for group in found.groups.values_mut() {
+            group.choose();
+        }
+        for row in rows.rows()? {
+            let row = row?;
+            if word(&row, "kind") == "run"
+                && let Some(group) = found.groups.get_mut(&word(&row, "group"))
+            {
+                group.draw(&row);
+            }
+        }
+        Ok(found)
+    }
+}
+
+impl OfGroup {
+    fn add(&mut self, row: &Row) {
+        if let Some(start_ns) = value(row, "start_ns") {
+            self.first_ns = Some(self.first_ns.map_or(start_ns, |f| f.min(start_ns)));
+        }
+        for key in row.keys().filter_map(|k| k.strip_suffix("_sd")) {
+            if row.contains_key(key) {
+                *self.determined.entry(key.to_owned()).or_default() += 1;
+            }
+        }
+        for channel in CHANNELS {
+            let least = value(row, &format!("least_{channel}"));
+            let greatest = value(row, &format!("greatest_{channel}"));
+            if let (Some(least), Some(greatest)) = (least, greatest) {
+                let nothing = ([f64::INFINITY, f64::NEG_INFINITY], 0);
+                let (range, runs) = self.covered.entry(channel).or_insert(nothing);
+                *range = [range[0].min(least), range[1].max(greatest)];
+                *runs += 1;
+            }
+        }
+    }
+
+    /// Trends are drawn of what most runs determine.
+    fn choose(&mut self) {
+        let mut keys: Vec<(&String, &usize)> = self.determined.iter().collect();
+        keys.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
+        let drawn = keys.iter().take(TRENDS);
+        self.trends = drawn.map(|(key, _)| ((*key).clone(), Vec::new())).collect();
+    }
+
+    fn draw(&mut self, row: &Row) {
+        let (Some(start_ns), Some(first_ns)) = (value(row, "start_ns"), self.first_ns) else {
+            return;
+        };
+        for (key, points) in &mut self.trends {
+            if let (Some(y), Some(sd)) = (value(row, key), value(row, &format!("{key}_sd"))) {
+                points.push([(start_ns - first_ns) / DAY_NS, y, sd]);
+            }
+        }
+    }
+}
+
 /// The page.
-pub fn page(campaign: &Campaign<'_>, rows: &[Row], command: &str) -> Page {
-    let bad = rows.iter().filter(|r| word(r, "kind") == "bad").count();
-    let runs = rows.iter().filter(|r| word(r, "kind") == "run").count();
+///
+/// # Errors
+/// [`StoreError`]: the table cannot be read back.
+pub fn page(campaign: &Campaign<'_>, rows: &Rows, command: &str) -> Result<Page, StoreError> {
+    let mut found = Gathered::of(rows)?;
     let mut page = Page::new("Campaign", "Campaign");
     let b = &mut page.body;
     b.lead(format!(
-        "{runs} runs of {} group(s); {bad} file(s) that cannot be used.",
-        campaign.groups.len()
+        "{} runs of {} group(s); {} file(s) that cannot be used.",
+        found.runs,
+        campaign.groups.len(),
+        found.bad.len()
     ));
     b.listing(command);
-    if bad > 0 {
+    if !found.bad.is_empty() {
         b.section("Files that cannot be used");
         let mut table = Table::new(["file", "why"]);
-        for row in rows.iter().filter(|r| word(r, "kind") == "bad") {
-            table.row([word(row, "log"), word(row, "remarks")]);
+        for row in found.bad {
+            table.row(row);
         }
         b.table(table);
     }
     for (g, group) in campaign.groups.iter().enumerate() {
-        of_group(b, campaign, g, group, rows);
+        let runs = found.groups.remove(&group.id).unwrap_or_default();
+        of_group(b, campaign, g, group, runs);
     }
     b.section("Runs");
-    let mut table = Table::new([
-        "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
-    ]);
-    let listed = rows.iter().filter(|r| word(r, "kind") == "run");
-    for row in listed.take(ROWS_MAX) {
-        table.row(
-            [
-                "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
-            ]
-            .map(|c| word(row, c)),
-        );
+    let mut table = Table::new(LISTED);
+    for row in found.listed {
+        table.row(row);
     }
     b.table(table);
-    if runs > ROWS_MAX {
-        b.paragraph(format!("{} more stand in runs.csv.", runs - ROWS_MAX));
+    if found.runs > ROWS_MAX {
+        b.paragraph(format!("{} more stand in runs.csv.", found.runs - ROWS_MAX));
     }
-    page
+    Ok(page)
 }
 
-fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, rows: &[Row]) {
+fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, runs: OfGroup) {
     b.section(format!("{} ({})", group.vehicle, group.id));
     let unit = |task: Task| campaign.units.iter().find(|u| u.task == task);
     if let Some(sheet) =
@@ -105,58 +208,31 @@ fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, rows
             b.paragraph(format!("To run next: {}.", found.next_plan));
         }
     }
-    trends(b, group, rows);
-    coverage(b, group, rows);
-}
-
-fn of<'r>(group: &'r Group, rows: &'r [Row]) -> impl Iterator<Item = &'r Row> {
-    rows.iter()
-        .filter(|r| word(r, "kind") == "run" && word(r, "group") == group.id)
+    trends(b, runs.trends);
+    coverage(b, &runs.covered);
 }
 
 /// Coefficients over time, run by run.
-fn trends(b: &mut Body, group: &Group, rows: &[Row]) {
-    let mut keys: Vec<(String, usize)> = Vec::new();
-    for row in of(group, rows) {
-        for key in row.keys().filter_map(|k| k.strip_suffix("_sd")) {
-            match keys.iter_mut().find(|(k, _)| k == key) {
-                Some((_, n)) => *n += 1,
-                None if row.contains_key(key) => keys.push((key.to_owned(), 1)),
-                None => {}
+fn trends(b: &mut Body, trends: Vec<(String, Vec<[f64; 3]>)>) {
+    let panels: Vec<Panel> = trends
+        .into_iter()
+        .filter(|(_, points)| points.len() > 1)
+        .map(|(key, points)| {
+            let (points, each) = thinned(points);
+            let name = match each {
+                1 => "run (± 2 sd)".to_owned(),
+                n => format!("median of {n} runs, with where 95 % of them lie"),
+            };
+            let dots = points.iter().map(|p| [p[0], p[1]]).collect();
+            let mut panel = Panel::new(
+                key.clone(),
+                Axis::new("days since the first run"),
+                Axis::new(key),
+            );
+            for [x, _, low, high] in &points {
+                panel = panel.line("", Colour::series(1), vec![[*x, *low], [*x, *high]]);
             }
-        }
-    }
-    keys.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-    let first = of(group, rows)
-        .filter_map(|r| value(r, "start_ns"))
-        .fold(f64::INFINITY, f64::min);
-    let panels: Vec<Panel> = keys
-        .iter()
-        .take(TRENDS)
-        .filter_map(|(key, _)| {
-            let points: Vec<[f64; 3]> = of(group, rows)
-                .filter_map(|r| {
-                    let day = (value(r, "start_ns")? - first) / DAY_NS;
-                    Some([day, value(r, key)?, value(r, &format!("{key}_sd"))?])
-                })
-                .collect();
-            (points.len() > 1).then(|| {
-                let (points, each) = thinned(points);
-                let name = match each {
-                    1 => "run (± 2 sd)".to_owned(),
-                    n => format!("median of {n} runs, with where 95 % of them lie"),
-                };
-                let dots = points.iter().map(|p| [p[0], p[1]]).collect();
-                let mut panel = Panel::new(
-                    key.clone(),
-                    Axis::new("days since the first run"),
-                    Axis::new(key.clone()),
-                );
-                for [x, _, low, high] in &points {
-                    panel = panel.line("", Colour::series(1), vec![[*x, *low], [*x, *high]]);
-                }
-                panel.dots(&name, Colour::series(0), dots)
-            })
+            panel.dots(&name, Colour::series(0), dots)
         })
         .collect();
     if !panels.is_empty() {
@@ -187,38 +263,23 @@ fn thinned(mut points: Vec<[f64; 3]>) -> (Vec<[f64; 4]>, usize) {
 }
 
 /// Which loads and rates the runs cover.
-fn coverage(b: &mut Body, group: &Group, rows: &[Row]) {
+fn coverage(b: &mut Body, covered: &BTreeMap<&'static str, ([f64; 2], usize)>) {
+    if covered.is_empty() {
+        return;
+    }
     let mut table = Table::new(["channel", "least", "greatest", "runs"]);
-    let mut any = false;
-    for channel in hydroline_identify::data::CHANNELS {
-        let ranges: Vec<[f64; 2]> = of(group, rows)
-            .filter_map(|r| {
-                Some([
-                    value(r, &format!("least_{channel}"))?,
-                    value(r, &format!("greatest_{channel}"))?,
-                ])
-            })
-            .collect();
-        if ranges.is_empty() {
-            continue;
+    for channel in CHANNELS {
+        if let Some(([least, greatest], runs)) = covered.get(channel) {
+            table.row([
+                channel.to_owned(),
+                significant(*least),
+                significant(*greatest),
+                runs.to_string(),
+            ]);
         }
-        any = true;
-        let least = ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
-        let greatest = ranges
-            .iter()
-            .map(|r| r[1])
-            .fold(f64::NEG_INFINITY, f64::max);
-        table.row([
-            channel.to_owned(),
-            significant(least),
-            significant(greatest),
-            ranges.len().to_string(),
-        ]);
     }
-    if any {
-        b.subsection("Range of operation covered (SI)");
-        b.table(table);
-    }
+    b.subsection("Range of operation covered (SI)");
+    b.table(table);
 }
 
 fn value(row: &Row, column: &str) -> Option<f64> {

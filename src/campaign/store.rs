@@ -4,7 +4,7 @@ use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -26,8 +26,8 @@ pub enum StoreError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// A sheet that cannot be written down.
-    #[error("{path}: {source}")]
+    /// A table that is not as it was written.
+    #[error("{path}: {source}; the file was changed while it was read: run `campaign` again")]
     Json {
         /// Which.
         path: PathBuf,
@@ -128,12 +128,9 @@ impl Store {
     /// # Errors
     /// [`StoreError`].
     pub fn put<T: Serialize>(&self, key: &str, sheet: &T) -> Result<(), StoreError> {
-        let path = self.sheet_path(key);
-        let json = serde_json::to_vec(sheet).map_err(|source| StoreError::Json {
-            path: path.clone(),
-            source,
-        })?;
-        write_whole(&path, &json)
+        write_whole(&self.sheet_path(key), |out| {
+            Ok(serde_json::to_writer(out, sheet)?)
+        })
     }
 
     /// Hash of a file's content. A file of the same size and time of change as before is not read again.
@@ -173,18 +170,16 @@ impl Store {
     /// [`StoreError`].
     pub fn keep_hashes(&self) -> Result<(), StoreError> {
         let path = self.folder.join(HASHES);
-        let json = serde_json::to_vec(&self.hashes).map_err(|source| StoreError::Json {
-            path: path.clone(),
-            source,
-        })?;
+        let json = serde_json::to_vec(&self.hashes).map_err(|e| file(&path)(e.into()))?;
         if std::fs::read(&path).is_ok_and(|now| now == json) {
             return Ok(());
         }
-        write_whole(&path, &json)
+        write_whole(&path, |out| out.write_all(&json))
     }
 }
 
-fn file(path: &Path) -> impl Fn(std::io::Error) -> StoreError + use<> {
+/// Names the file that an error is of.
+pub(crate) fn file(path: &Path) -> impl Fn(std::io::Error) -> StoreError + use<> {
     let path = path.to_owned();
     move |source| StoreError::File {
         path: path.clone(),
@@ -208,7 +203,10 @@ fn content_hash(path: &Path) -> std::io::Result<String> {
 ///
 /// # Errors
 /// [`StoreError::File`].
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> std::io::Result<()>,
+) -> Result<(), StoreError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut part = tempfile::Builder::new()
         .prefix(".campaign-")
@@ -216,7 +214,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
         .tempfile_in(folder)
         .map_err(file(path))?;
-    part.write_all(bytes).map_err(file(path))?;
+    let mut out = BufWriter::new(part.as_file_mut());
+    write(&mut out)
+        .and_then(|()| out.flush())
+        .map_err(file(path))?;
+    drop(out);
     part.persist(path).map_err(|e| StoreError::File {
         path: path.to_owned(),
         source: e.error,

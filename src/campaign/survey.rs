@@ -5,7 +5,9 @@ use hydroline_log::{LogReader, MetadataMap};
 use hydroline_rigs::Rig;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// From this salinity on water is sea water and not fresh \[g/kg\]: brackish water of a tank stays below.
 const SALT_FROM_GPKG: f64 = 10.0;
@@ -24,13 +26,39 @@ pub struct Found {
     pub is: Result<Identity, String>,
 }
 
+/// A rig as a file; logs of one rig share it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(from = "String", into = "String")]
+pub struct RigToml(Arc<str>);
+
+impl From<String> for RigToml {
+    fn from(text: String) -> Self {
+        Self(text.into())
+    }
+}
+
+impl From<RigToml> for String {
+    fn from(rig: RigToml) -> Self {
+        rig.0.as_ref().to_owned()
+    }
+}
+
+impl std::ops::Deref for RigToml {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
+
 /// What a log says of itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
     /// The rig's name.
     pub vehicle: String,
     /// The rig as a file, without what differs from run to run (seed of the simulated camera, start pose).
-    pub rig_toml: String,
+    /// Shared by all logs of it.
+    pub rig_toml: RigToml,
     /// Hash of the calibration in the log; empty = none.
     pub calibration: String,
     /// Kind of water or air, as the session says; empty = it does not.
@@ -58,6 +86,17 @@ pub fn survey(
         hashed.push((path, store.hash(path)?));
     }
     let store = &*store;
+    let rigs: Mutex<BTreeSet<RigToml>> = Mutex::default();
+    let shared = |text: RigToml| -> RigToml {
+        let mut rigs = rigs.lock().unwrap_or_else(PoisonError::into_inner);
+        match rigs.get(&text) {
+            Some(same) => same.clone(),
+            None => {
+                rigs.insert(text.clone());
+                text
+            }
+        }
+    };
     hashed
         .into_par_iter()
         .map(|(path, hash)| {
@@ -67,7 +106,8 @@ pub fn survey(
                 key = key.with(&rig.to_toml());
             }
             let key = key.name();
-            let is = match store.get::<Result<Identity, String>>(&key) {
+            let known = store.get::<Result<Identity, String>>(&key);
+            let is = match known {
                 Some(is) => is,
                 None => {
                     let is = identity(path, rig);
@@ -75,6 +115,10 @@ pub fn survey(
                     is
                 }
             };
+            let is = is.map(|is| Identity {
+                rig_toml: shared(is.rig_toml),
+                ..is
+            });
             Ok(Found {
                 name: name.display().to_string(),
                 path: path.clone(),
@@ -113,7 +157,7 @@ fn identity(path: &Path, given: Option<&Rig>) -> Result<Identity, String> {
         });
     Ok(Identity {
         vehicle: rig.name.clone(),
-        rig_toml: comparable(rig).to_toml(),
+        rig_toml: comparable(rig).to_toml().into(),
         calibration,
         water: water(&session),
         start_ns: first.log_ns,

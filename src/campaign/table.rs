@@ -2,11 +2,15 @@
 
 use crate::group::{Group, date};
 use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, RunSheet, SetSheet};
+use crate::store::{StoreError, file, write_whole};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
 use crate::work::Campaign;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
 
 /// Columns in this order; coefficients, noise, ranges and predictions follow by name.
 const FIRST: [&str; 23] = [
@@ -38,21 +42,88 @@ const FIRST: [&str; 23] = [
 /// A row: column to value; what is not known is absent.
 pub type Row = Map<String, Value>;
 
-/// All rows: bad logs, then group by group its runs by time, its days, the group, its changes.
-pub fn rows(campaign: &Campaign<'_>) -> Vec<Row> {
-    let mut rows: Vec<Row> = campaign
-        .logs
-        .iter()
-        .filter_map(|log| {
-            let why = log.is.as_ref().err()?;
+/// The table as it lies on disk. It is written and read row by row: its memory does not grow with the number of logs.
+#[derive(Debug)]
+pub struct Table {
+    lines: PathBuf,
+}
+
+impl Table {
+    /// Writes `lines` (JSON, one object per row) and `csv` (RFC 4180; an empty cell is not known), each whole or not at all.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn write(campaign: &Campaign<'_>, lines: &Path, csv: &Path) -> Result<Self, StoreError> {
+        let mut there: BTreeSet<String> = BTreeSet::new();
+        write_whole(lines, |out| {
+            each_row(campaign, |row| {
+                for column in row.keys() {
+                    if !there.contains(column) {
+                        there.insert(column.clone());
+                    }
+                }
+                serde_json::to_writer(&mut *out, &row)?;
+                out.write_all(b"\n")
+            })
+        })?;
+        let table = Self {
+            lines: lines.to_owned(),
+        };
+        let columns = columns(&there);
+        let rows = table.rows()?;
+        write_whole(csv, |out| {
+            let mut out = csv::Writer::from_writer(out);
+            out.write_record(&columns)?;
+            for row in rows {
+                let row = row.map_err(io::Error::other)?;
+                out.write_record(columns.iter().map(|c| word(&row, c)))?;
+            }
+            out.flush()
+        })?;
+        Ok(table)
+    }
+
+    /// Rows, one by one.
+    ///
+    /// # Errors
+    /// [`StoreError`], and each row's own.
+    pub fn rows(&self) -> Result<impl Iterator<Item = Result<Row, StoreError>>, StoreError> {
+        let lines = BufReader::new(File::open(&self.lines).map_err(file(&self.lines))?).lines();
+        Ok(lines.map(|line| {
+            let line = line.map_err(file(&self.lines))?;
+            serde_json::from_str(&line).map_err(|source| StoreError::Json {
+                path: self.lines.clone(),
+                source,
+            })
+        }))
+    }
+
+    /// Rows of groups, days and changes, and of files that cannot be used: all but those of runs.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn joint(&self) -> Result<Vec<Row>, StoreError> {
+        self.rows()?
+            .filter(|row| !matches!(row, Ok(row) if word(row, "kind") == "run"))
+            .collect()
+    }
+}
+
+/// Each row: bad logs, then group by group its runs by time, its days, the group, its changes.
+fn each_row(
+    campaign: &Campaign<'_>,
+    mut each: impl FnMut(Row) -> io::Result<()>,
+) -> io::Result<()> {
+    for log in campaign.logs {
+        if let Err(why) = &log.is {
             let mut row = Row::new();
             put(&mut row, "kind", "bad");
             put(&mut row, "log", log.name.as_str());
             put(&mut row, "state", "bad");
             put(&mut row, "remarks", why.as_str());
-            Some(row)
-        })
-        .collect();
+            each(row)?;
+        }
+    }
     let of_hash: BTreeMap<&str, &Unit> = campaign
         .units
         .iter()
@@ -66,29 +137,33 @@ pub fn rows(campaign: &Campaign<'_>) -> Vec<Row> {
             .units
             .iter()
             .find(|u| u.task == Task::Group { group: g });
-        let outliers = whole
+        let outliers: BTreeMap<String, f64> = whole
             .and_then(|u| campaign.store.get::<SetSheet>(&u.key))
-            .map_or(Vec::new(), |s| s.outliers);
+            .map_or(Vec::new(), |s| s.outliers)
+            .into_iter()
+            .collect();
         for k in group.days.iter().flat_map(|d| &d.logs) {
             let unit = of_hash.get(campaign.logs[*k].hash.as_str()).copied();
-            rows.push(run(campaign, group, *k, unit, &outliers));
+            each(run(campaign, group, *k, unit, &outliers))?;
         }
         for unit in campaign.units {
             match unit.task {
                 Task::Day { group: of, day } if of == g => {
-                    rows.push(set(campaign, group, unit, "day", &group.days[day].date));
+                    each(set(campaign, group, unit, "day", &group.days[day].date))?;
                 }
                 Task::Group { group: of } if of == g => {
-                    rows.push(set(campaign, group, unit, "group", ""));
+                    each(set(campaign, group, unit, "group", ""))?;
                 }
                 Task::Changes { group: of } if of == g => {
-                    rows.extend(changes(campaign, group, unit));
+                    changes(campaign, group, unit)
+                        .into_iter()
+                        .try_for_each(&mut each)?;
                 }
                 _ => {}
             }
         }
     }
-    rows
+    Ok(())
 }
 
 fn put(row: &mut Row, column: &str, value: impl Into<Value>) {
@@ -113,7 +188,7 @@ fn run(
     group: &Group,
     k: usize,
     unit: Option<&Unit>,
-    outliers: &[(String, f64)],
+    outliers: &BTreeMap<String, f64>,
 ) -> Row {
     let log: &Found = &campaign.logs[k];
     let mut row = head(group, "run");
@@ -145,7 +220,7 @@ fn run(
     let mut remarks = sheet.findings.clone();
     fitted(&mut row, &sheet.identified, &mut remarks);
     diagnosed(&mut row, &sheet.diagnosed, &mut remarks);
-    if let Some((_, ratio)) = outliers.iter().find(|(name, _)| *name == log.name) {
+    if let Some(ratio) = outliers.get(&log.name) {
         put(&mut row, "outlier_ratio", *ratio);
     }
     remarks.dedup();
@@ -279,38 +354,9 @@ pub fn word(row: &Row, column: &str) -> String {
     }
 }
 
-/// Columns of rows: the fixed ones in their order, then the others by name.
-fn columns(rows: &[Row]) -> Vec<String> {
-    let there: BTreeSet<&str> = rows
-        .iter()
-        .flat_map(|r| r.keys())
-        .map(String::as_str)
-        .collect();
-    let first = FIRST.iter().filter(|c| there.contains(*c));
-    let rest = there.iter().filter(|c| !FIRST.contains(c));
-    first.chain(rest).map(|c| (*c).to_owned()).collect()
-}
-
-/// As CSV (RFC 4180); an empty cell is not known.
-///
-/// # Errors
-/// What the writer says.
-pub fn csv(rows: &[Row]) -> Result<Vec<u8>, csv::Error> {
-    let columns = columns(rows);
-    let mut out = csv::Writer::from_writer(Vec::new());
-    out.write_record(&columns)?;
-    for row in rows {
-        out.write_record(columns.iter().map(|c| word(row, c)))?;
-    }
-    out.into_inner().map_err(|e| e.into_error().into())
-}
-
-/// As JSON lines, one object per row.
-pub fn json_lines(rows: &[Row]) -> String {
-    let lines = rows.iter().map(|row| {
-        let mut line = Value::Object(row.clone()).to_string();
-        line.push('\n');
-        line
-    });
-    lines.collect()
+/// Columns that are there: the fixed ones in their order, then the others by name.
+fn columns(there: &BTreeSet<String>) -> Vec<&str> {
+    let first = FIRST.iter().copied().filter(|c| there.contains(*c));
+    let rest = there.iter().map(String::as_str);
+    first.chain(rest.filter(|c| !FIRST.contains(c))).collect()
 }

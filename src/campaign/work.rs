@@ -217,9 +217,7 @@ impl Campaign<'_> {
         }
         let all = kept.len();
         if all > RUNS_MAX {
-            kept = (0..RUNS_MAX)
-                .map(|k| kept[k * all / RUNS_MAX].clone())
-                .collect();
+            kept = evenly(kept);
             left.push(format!(
                 "{} more: {RUNS_MAX} runs of {all}, evenly over time, are fitted together",
                 all - RUNS_MAX
@@ -307,14 +305,13 @@ impl Campaign<'_> {
     fn changes(&self, group: usize) -> Result<ChangeSheet, WorkError> {
         let of = &self.groups[group];
         let rig = self.rig(&of.rig_toml)?;
-        let day_runs: Vec<Vec<(usize, PathBuf)>> = of
-            .days
-            .iter()
+        let day_runs: Vec<Vec<(usize, PathBuf)>> = (0..of.days.len())
             .map(|day| {
-                let units: Vec<usize> = (0..self.units.len())
-                    .filter(|u| matches!(self.units[*u].task, Task::Run { log } if day.logs.contains(&log)))
-                    .collect();
-                self.usable(&units).0
+                let unit = self
+                    .units
+                    .iter()
+                    .find(|u| u.task == Task::Day { group, day });
+                unit.map_or(Vec::new(), |u| self.usable(&u.needs).0)
             })
             .collect();
         let mut changes = Vec::new();
@@ -335,7 +332,8 @@ impl Campaign<'_> {
             }
             let load_all = |rig: &Rig, days: &[usize]| -> Result<Vec<Run>, String> {
                 let mut all = Vec::new();
-                for (log, path) in days.iter().flat_map(|d| &day_runs[*d]) {
+                let of_days = days.iter().flat_map(|d| &day_runs[*d]).cloned();
+                for (log, path) in &evenly(of_days.collect()) {
                     let mut run = load(path, rig).map_err(|e| e.to_string())?;
                     run.name.clone_from(&self.logs[*log].name);
                     all.push(run);
@@ -357,6 +355,17 @@ impl Campaign<'_> {
             changes.push(found.map_err(|e| format!("{}: {e}", of.days[day].date)));
         }
         Ok(ChangeSheet { changes })
+    }
+}
+
+/// At most [`RUNS_MAX`] of them, evenly over time.
+fn evenly(runs: Vec<(usize, PathBuf)>) -> Vec<(usize, PathBuf)> {
+    let all = runs.len();
+    match all > RUNS_MAX {
+        true => (0..RUNS_MAX)
+            .map(|k| runs[k * all / RUNS_MAX].clone())
+            .collect(),
+        false => runs,
     }
 }
 

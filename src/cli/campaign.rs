@@ -6,13 +6,13 @@ use super::{CliError, Outcome, inputs, progress, replay};
 use hydroline_campaign::group::{Group, groups};
 use hydroline_campaign::store::Store;
 use hydroline_campaign::survey::{Found, survey};
-use hydroline_campaign::table::{Row, csv, json_lines, rows, word};
+use hydroline_campaign::table::{Row, Table, word};
 use hydroline_campaign::unit::{Task, Unit, units};
 use hydroline_campaign::work::Campaign;
 use hydroline_campaign::{page::page, store::write_whole};
 use hydroline_core::build_info::BuildInfo;
 use rayon::prelude::*;
-use serde_json::json;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -129,30 +129,20 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         return Ok(Outcome::Done);
     }
     work_all(&campaign)?;
-    let rows = rows(&campaign);
+    let [html, csv, lines] = FILES.map(|name| args.out.join(name));
+    let table = Table::write(&campaign, &lines, &csv).map_err(CliError::run)?;
     let command: Vec<String> = std::env::args().skip(1).collect();
-    let html = page(
-        &campaign,
-        &rows,
-        &format!("hydroline {}", command.join(" ")),
-    )
-    .html();
-    let table = csv(&rows).map_err(CliError::run)?;
-    let lines = json_lines(&rows);
-    let files: [&[u8]; 3] = [html.as_bytes(), &table, lines.as_bytes()];
-    for (name, bytes) in FILES.iter().zip(files) {
-        write_whole(&args.out.join(name), bytes).map_err(CliError::run)?;
-    }
-    errln!("{}", args.out.join(FILES[0]).display());
+    let command = format!("hydroline {}", command.join(" "));
+    let page = page(&campaign, &table, &command).map_err(CliError::run)?;
+    write_whole(&html, |out| out.write_all(page.html().as_bytes())).map_err(CliError::run)?;
+    errln!("{}", html.display());
+    let joint = table.joint().map_err(CliError::run)?;
     if args.json {
-        outln!(
-            "{}",
-            serde_json::to_string_pretty(&json!({ "rows": rows }))?
-        );
+        print_json(&table)?;
     } else {
-        print(&found, &groups, &rows);
+        print(&found, &groups, &joint);
     }
-    failed(&args.fail_on, &rows)?;
+    failed(&args.fail_on, &joint)?;
     match found.iter().any(|f| f.is.is_err()) {
         true => Ok(Outcome::Lossy),
         false => Ok(Outcome::Done),
@@ -230,6 +220,20 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
         }
     }
     bar.finish_and_clear();
+    Ok(())
+}
+
+/// One object, written row by row.
+fn print_json(table: &Table) -> Result<(), CliError> {
+    outln!("{{\"rows\": [");
+    let mut before = String::new();
+    for row in table.rows().map_err(CliError::run)? {
+        if !before.is_empty() {
+            outln!("{before},");
+        }
+        before = serde_json::to_string(&row.map_err(CliError::run)?)?;
+    }
+    outln!("{before}\n]}}");
     Ok(())
 }
 

@@ -105,11 +105,12 @@ fn export_of_a_folder_is_repeated_for_what_is_new() {
     assert_eq!(out, "", "nothing is new");
     assert!(err.contains("tables/a.csv: up to date"), "{err}");
     // A log that is newer than its table is exported again, the other is left.
-    let log = std::fs::File::options()
+    let table = std::fs::File::options()
         .write(true)
-        .open(dir.join("logs/a.mcap"))
+        .open(dir.join("tables/a.csv"))
         .unwrap();
-    log.set_modified(SystemTime::now() + Duration::from_secs(5))
+    table
+        .set_modified(SystemTime::now() - Duration::from_secs(3600))
         .unwrap();
     let (_, out, _) = run(dir, &words);
     assert!(out.starts_with("tables/a.csv: ") && out.lines().count() == 1);
