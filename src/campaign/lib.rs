@@ -9,6 +9,7 @@
 //! store    sheets on disk, one per unit, named by a hash of all that it depends on
 //! table    one row per run, day and vehicle: CSV and JSON lines
 //! page     the same to look at
+//! overlay  runs of one plan drawn over each other
 //! ```
 //!
 //! A sheet depends on the content of its logs, the rig in them, the build, and nothing else: it is never out of date,
@@ -20,6 +21,7 @@
 
 pub mod change;
 pub mod group;
+pub mod overlay;
 pub mod page;
 pub mod sheet;
 pub mod store;

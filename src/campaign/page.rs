@@ -1,6 +1,7 @@
 //! The campaign to look at: what changed, trends over time, runs beside each other, what is covered, what to run next.
 
 use crate::group::Group;
+use crate::overlay::{self, Drawn};
 use crate::sheet::{ChangeSheet, SetSheet};
 use crate::store::StoreError;
 use crate::table::{Row, Table as Rows, word};
@@ -8,12 +9,15 @@ use crate::unit::Task;
 use crate::work::Campaign;
 use hydroline_identify::data::CHANNELS;
 use hydroline_report::{Axis, Body, Colour, Figure, Page, Panel, Table, significant};
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 /// Rows of runs that a page shows; all of them stand in the table beside it.
 const ROWS_MAX: usize = 10_000;
 /// Trends are drawn of this many coefficients of a group: the best determined.
 const TRENDS: usize = 6;
+/// Plans of a group whose runs are drawn over each other: those with most runs.
+const PLANS: usize = 6;
 /// Points of a trend: of more runs each point is of several, one after the other.
 const TREND_POINTS: usize = 300;
 /// Nanoseconds in a day.
@@ -43,13 +47,23 @@ struct OfGroup {
     determined: BTreeMap<String, usize>,
     /// Least and greatest per channel, and of how many runs.
     covered: BTreeMap<&'static str, ([f64; 2], usize)>,
+    /// Runs by plan.
+    plans: BTreeMap<String, Vec<Drawn>>,
     /// Of the coefficients that are drawn: time since the first run \[d\], value, sd.
     trends: Vec<(String, Vec<[f64; 3]>)>,
 }
 
 impl Gathered {
-    fn of(rows: &Rows) -> Result<Self, StoreError> {
+    fn of(campaign: &Campaign<'_>, rows: &Rows) -> Result<Self, StoreError> {
         let mut found = Self::default();
+        let keys: BTreeMap<&str, &str> = campaign
+            .units
+            .iter()
+            .filter_map(|unit| match unit.task {
+                Task::Run { log } => Some((campaign.logs[log].name.as_str(), unit.key.as_str())),
+                _ => None,
+            })
+            .collect();
         for row in rows.rows()? {
             let row = row?;
             match word(&row, "kind").as_str() {
@@ -61,6 +75,11 @@ impl Gathered {
                     }
                     let group = found.groups.entry(word(&row, "group")).or_default();
                     group.add(&row);
+                    // A copy of a log has no unit of its own, and is drawn once.
+                    if let Some(key) = keys.get(word(&row, "log").as_str()) {
+                        let runs = group.plans.entry(word(&row, "plan")).or_default();
+                        runs.push(Drawn::of(&row, key));
+                    }
                 }
                 _ => {}
             }
@@ -127,7 +146,7 @@ impl OfGroup {
 /// # Errors
 /// [`StoreError`]: the table cannot be read back.
 pub fn page(campaign: &Campaign<'_>, rows: &Rows, command: &str) -> Result<Page, StoreError> {
-    let mut found = Gathered::of(rows)?;
+    let mut found = Gathered::of(campaign, rows)?;
     let mut page = Page::new("Campaign", "Campaign");
     let b = &mut page.body;
     b.lead(format!(
@@ -206,6 +225,16 @@ fn of_group(b: &mut Body, campaign: &Campaign<'_>, g: usize, group: &Group, runs
             && !found.next_plan.is_empty()
         {
             b.paragraph(format!("To run next: {}.", found.next_plan));
+        }
+    }
+    let fitted = whole.as_ref().and_then(|s| s.identified.as_ref().ok());
+    let channels = overlay::channels(&runs.covered, fitted);
+    let mut plans: Vec<(&String, &Vec<Drawn>)> = runs.plans.iter().collect();
+    plans.sort_by_key(|(plan, drawn)| (Reverse(drawn.len()), *plan));
+    for (plan, drawn) in plans.into_iter().take(PLANS) {
+        let plan = if plan.is_empty() { "no plan" } else { plan };
+        if let Some((figure, caption)) = overlay::overlay(plan, drawn, &channels, campaign.store) {
+            b.figure(&figure, caption);
         }
     }
     trends(b, runs.trends);

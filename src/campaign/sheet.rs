@@ -2,6 +2,7 @@
 
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_identify::Identification;
+use hydroline_identify::data::{CHANNELS, Run};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -175,6 +176,40 @@ impl Diagnosed {
                 .as_ref()
                 .map_or(String::new(), |n| n.plan.clone()),
         }
+    }
+}
+
+/// Samples of a run's motion that are kept to be drawn.
+const MOTION_POINTS: usize = 200;
+
+/// A run's motion to look at, thinned.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// By channel: time since the log's first stamp \[s\], value \[SI\].
+    pub channels: BTreeMap<String, Vec<[f32; 2]>>,
+}
+
+impl Motion {
+    /// Of a run; channels that were not measured are not in it.
+    pub fn of(run: &Run) -> Self {
+        let step = run.samples.len().div_ceil(MOTION_POINTS).max(1);
+        let mut channels: BTreeMap<String, Vec<[f32; 2]>> = BTreeMap::new();
+        for sample in run.samples.iter().step_by(step) {
+            for (channel, value) in CHANNELS.iter().zip(sample.values) {
+                if value.is_finite() {
+                    // Seven digits are more than a line on a page shows.
+                    let points = channels.entry((*channel).to_owned()).or_default();
+                    points.push([sample.t_s as f32, value as f32]);
+                }
+            }
+        }
+        Self { channels }
+    }
+
+    /// A channel as a line; empty = not measured.
+    pub fn line(&self, channel: &str) -> Vec<[f64; 2]> {
+        let points = self.channels.get(channel).into_iter().flatten();
+        points.map(|p| p.map(f64::from)).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::survey::{Found, Identity};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Versions of what a unit finds: a new number where the same build would find something else than before.
-const RUN: &str = "run/1";
+const RUN: &str = "run/2";
 const SET: &str = "set/2";
 const CHANGES: &str = "changes/5";
 

@@ -2,7 +2,8 @@
 
 use crate::change::change;
 use crate::group::Group;
-use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, RunSheet, SetSheet};
+use crate::overlay::motion_key;
+use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Motion, RunSheet, SetSheet};
 use crate::store::{Store, StoreError};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
@@ -12,6 +13,7 @@ use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -67,6 +69,11 @@ impl Campaign<'_> {
     /// Whether a unit's sheet is there.
     pub fn is_done(&self, unit: &Unit) -> bool {
         self.store.has(&unit.key)
+    }
+
+    /// Of each unit whether its sheet is there.
+    pub fn done(&self) -> Vec<bool> {
+        self.units.par_iter().map(|u| self.is_done(u)).collect()
     }
 
     /// Does a unit and keeps its sheet.
@@ -154,6 +161,7 @@ impl Campaign<'_> {
                 sheet.duration_s = run.end_s();
                 sheet.samples = run.samples.len() as u64;
                 sheet.range = range(&run);
+                self.store.put(&motion_key(&unit.key), &Motion::of(&run))?;
                 sheet.largest_load = Dof::ALL
                     .iter()
                     .zip(run.largest_wrench())

@@ -106,12 +106,12 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         store: &store,
         replay: &replayed,
     };
-    let ready = |unit: &&Unit| {
-        !campaign.is_done(unit) && unit.needs.iter().all(|k| campaign.is_done(&units[*k]))
-    };
     if args.list {
-        for unit in units.iter().filter(ready) {
-            outln!("{}", unit.name);
+        let done = campaign.done();
+        for (unit, is_done) in units.iter().zip(&done) {
+            if !is_done && unit.needs.iter().all(|k| done[*k]) {
+                outln!("{}", unit.name);
+            }
         }
         return Ok(Outcome::Done);
     }
@@ -193,10 +193,9 @@ fn own_folder(out: &Path) -> Result<(), CliError> {
 
 /// All units that are not done, those first that others need.
 fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
-    let open: Vec<&Unit> = campaign
-        .units
-        .iter()
-        .filter(|u| !campaign.is_done(u))
+    let done = campaign.done();
+    let open: Vec<&Unit> = (campaign.units.iter().zip(done))
+        .filter_map(|(unit, is_done)| (!is_done).then_some(unit))
         .collect();
     let bar = progress::bar(open.len() as u64, "units");
     let (runs, joint): (Vec<&Unit>, Vec<&Unit>) = open

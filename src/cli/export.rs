@@ -1,6 +1,6 @@
 //! `hydroline export`: tables and images out of logs.
 
-use super::many::{self, Many};
+use super::many::{self, Many, Results};
 use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
@@ -78,12 +78,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let places = places(args, &many)?;
     let bar = progress::bar(many.logs.len() as u64, "logs");
     let of = |log: &Path| {
-        let made = made(args, log, many.place(&places, log), rig.as_ref());
+        let made = made(args, log, &places[log], rig.as_ref());
         bar.inc(1);
         made
     };
     let report = |log: &Path, made: Made| {
-        bar.suspend(|| self::report(args, &many, log, many.place(&places, log), &made))
+        bar.suspend(|| self::report(args, &many, log, &places[log], &made))
     };
     let outcome = many.each(
         rayon::current_num_threads(),
@@ -96,13 +96,17 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 /// Where each log's result goes.
-fn places(args: &Args, many: &Many) -> Result<Vec<PathBuf>, CliError> {
+fn places(args: &Args, many: &Many) -> Result<Results, CliError> {
     let ended = |name: &Path| match args.merged {
         true => name.with_extension("csv"),
         false => name.with_extension(""),
     };
     match (&args.out, many.single) {
-        (Some(out), true) => Ok(vec![out.clone()]),
+        (Some(out), true) => Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), out.clone()))
+            .collect()),
         (Some(out), false) => {
             if out.exists() && !out.is_dir() {
                 return Err(is_a_file(out));
@@ -110,7 +114,11 @@ fn places(args: &Args, many: &Many) -> Result<Vec<PathBuf>, CliError> {
             inputs::folder("--out", out)?;
             many.results(out, ended)
         }
-        (None, _) => Ok(many.logs.iter().map(|log| ended(log)).collect()),
+        (None, _) => Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), ended(log)))
+            .collect()),
     }
 }
 

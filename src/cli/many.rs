@@ -42,6 +42,9 @@ struct Refused {
     error: String,
 }
 
+/// Where each log's result goes.
+pub type Results = BTreeMap<PathBuf, PathBuf>;
+
 impl Many {
     /// The files named, and in a folder's place all files in it and below it that end like a log; hidden ones are left.
     ///
@@ -92,9 +95,9 @@ impl Many {
         &self,
         folder: &Path,
         ended: impl Fn(&Path) -> PathBuf,
-    ) -> Result<Vec<PathBuf>, CliError> {
+    ) -> Result<Results, CliError> {
         let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
-        let mut results = Vec::with_capacity(self.logs.len());
+        let mut results = Results::new();
         for (log, name) in self.logs.iter().zip(&self.names) {
             let result = folder.join(ended(name));
             if let Some(other) = taken.insert(result.clone(), log) {
@@ -105,16 +108,9 @@ impl Many {
                     result.display()
                 )));
             }
-            results.push(result);
+            results.insert(log.clone(), result);
         }
         Ok(results)
-    }
-
-    /// A log's among the results of all.
-    pub fn place<'a>(&self, results: &'a [PathBuf], log: &'a Path) -> &'a Path {
-        let at = self.logs.iter().position(|l| l == log);
-        at.and_then(|k| results.get(k))
-            .map_or(log, PathBuf::as_path)
     }
 
     /// Does each log: `of` several at a time, `report` one after the other in their order. A log that cannot be used is said on
@@ -294,6 +290,7 @@ mod tests {
         let csv = |name: &Path| name.with_extension("csv");
         let found = Many::of(&[dir.path().to_owned()], LOG).unwrap();
         let results = found.results(Path::new("out"), csv).unwrap();
+        let results: Vec<PathBuf> = results.into_values().collect();
         assert_eq!(
             results,
             ["out/a.csv", "out/b.csv", "out/day/c.csv"].map(PathBuf::from)

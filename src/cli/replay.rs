@@ -2,7 +2,7 @@
 
 use super::calibrated::UseArgs;
 use super::live::{self, LiveArgs, Shown};
-use super::many::{self, Many};
+use super::many::{self, Many, Results};
 use super::print::{self, errln, outln};
 use super::{CliError, Outcome, images, inputs, progress};
 use clap::{Args as _, FromArgMatches as _};
@@ -178,7 +178,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let places = places(args, &many)?;
     let shown = args.live.start(false)?;
     let of = |log: &Path| {
-        let out = many.place(&places, log);
+        let out = &places[log];
         if args.update && many::is_log_up_to_date(out, log) {
             errln!("hydroline: {}: up to date", out.display());
             return Ok(None);
@@ -204,7 +204,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         };
         reports.push(Replayed {
             log: log.to_owned(),
-            out: many.place(&places, log).to_owned(),
+            out: places[log].clone(),
             report,
         });
         Ok(outcome)
@@ -404,12 +404,16 @@ fn lacks(report: &Report) -> Option<String> {
 }
 
 /// Where each log's new one goes.
-fn places(args: &Args, many: &Many) -> Result<Vec<PathBuf>, CliError> {
+fn places(args: &Args, many: &Many) -> Result<Results, CliError> {
     if many.single {
         if !args.update {
             inputs::new_file("--out", &args.out)?;
         }
-        return Ok(vec![args.out.clone()]);
+        return Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), args.out.clone()))
+            .collect());
     }
     inputs::folder("--out", &args.out)?;
     many.results(&args.out, |name| {

@@ -16,15 +16,16 @@ use hydroline_rigs::Rig;
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// Runs, unless `RUNS` says another number.
 const RUNS: usize = 10_000;
 const DAYS: usize = 50;
 /// Peak memory of a campaign, whatever its size \[MB\].
 const MEMORY_MB: u64 = 1000;
 
 /// A log of one of two vehicles on one of the days.
-fn found(k: usize, rigs: &[RigToml; 2]) -> Found {
+fn found(k: usize, runs: usize, rigs: &[RigToml; 2]) -> Found {
     Found {
-        name: format!("day-{:02}/run-{k:05}.mcap", k * DAYS / RUNS),
+        name: format!("day-{:02}/run-{k:05}.mcap", k * DAYS / runs),
         path: PathBuf::from(format!("run-{k:05}.mcap")),
         hash: format!("{k:016x}"),
         is: Ok(Identity {
@@ -32,7 +33,7 @@ fn found(k: usize, rigs: &[RigToml; 2]) -> Found {
             rig_toml: rigs[k % 2].clone(),
             calibration: String::new(),
             water: "fresh".to_owned(),
-            start_ns: (20_000 + (k * DAYS / RUNS) as u64) * 86_400_000_000_000
+            start_ns: (20_000 + (k * DAYS / runs) as u64) * 86_400_000_000_000
                 + k as u64 * 1_000_000_000,
             plan: "reversals".to_owned(),
             note: String::new(),
@@ -112,6 +113,7 @@ fn peak_mb() -> u64 {
 #[test]
 #[ignore = "half a minute, 10,000 files"]
 fn ten_thousand_runs() {
+    let runs = std::env::var("RUNS").map_or(RUNS, |n| n.parse().unwrap());
     let scratch = tempfile::tempdir().unwrap();
     let out = std::env::var_os("OUT").map_or_else(|| scratch.path().to_owned(), PathBuf::from);
     std::fs::create_dir_all(&out).unwrap();
@@ -121,7 +123,7 @@ fn ten_thousand_runs() {
         rig.name = format!("vehicle-{k}");
         RigToml::from(rig.to_toml())
     });
-    let logs: Vec<Found> = (0..RUNS).map(|k| found(k, &rigs)).collect();
+    let logs: Vec<Found> = (0..runs).map(|k| found(k, runs, &rigs)).collect();
     let groups = groups(&logs);
     assert_eq!(groups.len(), 2);
     let units = units(&logs, &groups, "test");
@@ -154,6 +156,6 @@ fn ten_thousand_runs() {
         page.len() as f64 / 1e6,
         peak_mb()
     );
-    assert!(rows >= RUNS);
+    assert!(rows >= runs);
     assert!(peak_mb() < MEMORY_MB);
 }
