@@ -99,7 +99,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
         table
     );
 
-    // One more log costs its identity, its run, its group.
+    // One more log costs its identity, its run with the motion to draw, its group.
     simulate(
         dir,
         "lshpi",
@@ -126,7 +126,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
     }
     list(0);
     let after = sheets(dir);
-    assert_eq!(after.len(), before.len() + 3);
+    assert_eq!(after.len(), before.len() + 4);
     assert!(before.iter().all(|(name, at)| after[name] == *at));
 }
 

@@ -143,7 +143,8 @@ fn replay_of_a_folder_goes_on_after_a_bad_log_and_is_repeated() {
     let words = "record --rig lshpi --for 1s --no-remembered --out logs/b.mcap";
     let words: Vec<&str> = words.split(' ').collect();
     let (code, _, err) = run(dir, &words);
-    assert_eq!(code, Some(0), "{err}");
+    // 3: a busy machine lost a frame, which does not matter here.
+    assert!(matches!(code, Some(0 | 3)), "{err}");
     std::fs::write(dir.join("logs/a.mcap"), "text").unwrap();
     let words = ["replay", "logs", "--out", "poses", "--update"];
     let (code, out, err) = run(dir, &words);

@@ -99,7 +99,7 @@ const ELSEWHERE: [(&str, &str); 2] = [
     ),
     (
         "campaign",
-        "`rows`: a list of the rows of `runs.csv`, each an object with that table's columns; what is not known is absent.",
+        "`rows`: a list of the rows of `runs.csv`, each an object on a line of its own with that table's columns (the chapter Campaigns lists them); what is not known is absent.",
     ),
 ];
 
