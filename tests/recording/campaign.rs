@@ -194,6 +194,142 @@ fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
     }
 }
 
+/// Surge, sway and yaw at once, so that single thrusters are told apart; the vehicle stays over its target.
+const COUPLED: &str = r#"name = "coupled"
+[[step]]
+for_s = 6.0
+wrench = { surge_n = 8.0 }
+[[step]]
+for_s = 8.0
+wrench = { sway_n = 10.0, yaw_nm = 0.7 }
+shape = "sine"
+period_s = 4.0
+phase_deg = 90
+[[step]]
+for_s = 6.0
+wrench = { surge_n = -8.0 }
+"#;
+/// What a fouled thruster gives of its thrust.
+const FOULED: f64 = 0.6;
+/// Ballast \[kg\].
+const BALLAST_KG: f64 = 2.0;
+
+/// The rig with another name and mass.
+fn vehicle(rig: &str, name: &str, added_kg: f64) -> String {
+    let mut rig: toml::Table = rig.parse().unwrap();
+    rig["rig"]["name"] = name.into();
+    let mass_kg = rig["vehicle"]["mass_kg"].as_float().unwrap();
+    rig["vehicle"]["mass_kg"] = (mass_kg + added_kg).into();
+    rig.to_string()
+}
+
+/// The rig with a thruster that gives less.
+fn fouled(rig: &str, thruster: &str) -> String {
+    let mut rig: toml::Table = rig.parse().unwrap();
+    let mut all = rig["thruster"].as_array_mut().unwrap().iter_mut();
+    let one = all.find(|t| t["name"].as_str() == Some(thruster)).unwrap();
+    for point in one["curve"].as_array_mut().unwrap() {
+        point[1] = (FOULED * point[1].as_float().unwrap()).into();
+    }
+    rig.to_string()
+}
+
+/// 120 runs of two vehicles on three days, a ballast from the second day on, a fouled thruster of the other one on the third,
+/// and five broken logs; `RUNS=N` for other numbers.
+#[test]
+#[ignore = "some minutes: 120 runs"]
+fn ballast_and_a_fouled_thruster_are_found_and_dated_among_a_hundred_runs() {
+    let runs: usize = std::env::var("RUNS").map_or(120, |n| n.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    std::fs::create_dir(dir.join("logs")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(dir.join(name), text).unwrap();
+    let (_, rig) = run(dir, &["rig", "show", "lshpi"]);
+    write("coupled.toml", COUPLED);
+    write("one.toml", &vehicle(&rig, "one", 0.0));
+    write("one-ballast.toml", &vehicle(&rig, "one", BALLAST_KG));
+    write("other.toml", &vehicle(&rig, "other", 0.0));
+    write(
+        "other-fouled.toml",
+        &fouled(&vehicle(&rig, "other", 0.0), "h_aft_port"),
+    );
+    for k in 0..runs {
+        let (day, of_day) = (4 + 3 * k / runs, k % 60);
+        let (rig, tank) = match (k % 2, day) {
+            (0, 4) => ("one.toml", "one.toml"),
+            (0, _) => ("one.toml", "one-ballast.toml"),
+            (_, 6) => ("other.toml", "other-fouled.toml"),
+            _ => ("other.toml", "other.toml"),
+        };
+        let plan = if k / 2 % 2 == 0 {
+            "coupled.toml"
+        } else {
+            "reversals"
+        };
+        let (seed, log) = (k.to_string(), format!("logs/{k:03}.mcap"));
+        let start = format!("2026-05-{day:02}T{:02}:{of_day:02}:00Z", 8 + k / 60);
+        let words = "simulate --motion-only --rig";
+        let words = words
+            .split(' ')
+            .chain([rig, "--tank", tank, "--plan", plan]);
+        let words = words.chain(["--seed", &seed, "--start", &start, "--out", &log]);
+        assert_eq!(run(dir, &words.collect::<Vec<_>>()).0, Some(0), "{log}");
+    }
+    // Five that are broken: the last one only in its middle, so that most of it can be read.
+    let whole = std::fs::read(dir.join("logs/001.mcap")).unwrap();
+    let mut flipped = whole.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle..middle + 8].fill(0x5a);
+    let broken: [(&str, &[u8]); 5] = [
+        ("empty", b""),
+        ("text", b"no log at all"),
+        ("head", &whole[..200]),
+        ("zeros", &[0; 4096]),
+        ("middle", &flipped),
+    ];
+    for (name, bytes) in broken {
+        std::fs::write(dir.join(format!("logs/{name}.mcap")), bytes).unwrap();
+    }
+    let began = std::time::Instant::now();
+    let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign"]);
+    println!(
+        "{text}{runs} runs in {:.0} s",
+        began.elapsed().as_secs_f64()
+    );
+    assert_eq!(code, Some(3));
+    let table = std::fs::read_to_string(dir.join("campaign/runs.jsonl")).unwrap();
+    let rows = table.lines().map(|l| serde_json::from_str(l).unwrap());
+    let rows: Vec<serde_json::Value> = rows.collect();
+    let of = |kind: &'static str| rows.iter().filter(move |r| r["kind"] == kind);
+    let bad: Vec<&str> = of("bad").map(|r| r["log"].as_str().unwrap()).collect();
+    assert_eq!(bad, ["empty.mcap", "head.mcap", "text.mcap", "zeros.mcap"]);
+    let unsound: Vec<&str> = (of("run").filter(|r| r["sound"] == false))
+        .map(|r| r["log"].as_str().unwrap())
+        .collect();
+    assert_eq!(unsound, ["middle.mcap"]);
+    assert_eq!(of("group").count(), 2);
+    let change = |vehicle: &str, date: &str| {
+        let mut all = of("change");
+        all.find(|r| r["vehicle"] == vehicle && r["date"] == date)
+            .unwrap()
+    };
+    let number = |row: &serde_json::Value, column: &str| row[column].as_f64().unwrap();
+    for (vehicle, date) in [("one", "2026-05-06"), ("other", "2026-05-05")] {
+        let same = number(change(vehicle, date), "same_probability");
+        assert!(same > 0.95, "{vehicle} {date}: {same}");
+    }
+    for (vehicle, date, cause, value) in [
+        ("one", "2026-05-05", "mass", BALLAST_KG),
+        ("other", "2026-05-06", "thruster h_aft_port", FOULED),
+    ] {
+        let found = change(vehicle, date);
+        assert_eq!(found["cause"], cause);
+        assert!(number(found, "cause_probability") > 0.95);
+        let off_sd = (number(found, "cause_value") - value) / number(found, "cause_sd");
+        assert!(off_sd.abs() < 3.5, "{cause}: {off_sd} sd");
+    }
+}
+
 #[test]
 fn a_folder_that_holds_something_else_is_no_campaign() {
     let folder = tempfile::tempdir().unwrap();
