@@ -135,6 +135,16 @@ impl Entry {
         matches!(self, Entry::Frame { .. })
     }
 
+    /// Whether it becomes an image: those lie in chunks of their own.
+    pub fn is_image(&self) -> bool {
+        match self {
+            Entry::Frame { .. } => true,
+            Entry::Message { topic, .. } => {
+                matches!(topic, Topic::RawImage | Topic::CompressedImage)
+            }
+        }
+    }
+
     /// The topic of a message that `replay` computes again from the images: the queue may drop it.
     pub fn derived_topic(&self) -> Option<Topic> {
         match self {

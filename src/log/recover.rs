@@ -142,6 +142,7 @@ fn copy_all(
         ledger: Ledger::default(),
         messages,
         total: 0,
+        after_image: false,
     };
     for name in head {
         let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();

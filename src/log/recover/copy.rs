@@ -9,6 +9,7 @@ use mcap::records::MessageHeader;
 use crate::part::MetadataMap;
 use crate::records::{ChannelRecord, MessageRecord};
 use crate::scan::FileScan;
+use crate::topic::Topic;
 
 /// Order-dependent checksum over all messages, names and times.
 #[derive(Default)]
@@ -41,6 +42,8 @@ pub(super) struct Copy {
     pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
     pub total: u64,
+    /// Whether the last message was an image.
+    pub after_image: bool,
 }
 
 impl Copy {
@@ -72,6 +75,11 @@ impl Copy {
             log_time: m.log_ns,
             publish_time: m.publish_ns,
         };
+        // As the recording does: images in chunks of their own.
+        let image = channel.topic == Topic::RawImage.name();
+        if image != std::mem::replace(&mut self.after_image, image) {
+            self.writer.flush()?;
+        }
         self.writer.write_to_known_channel(&header, &m.data)?;
         self.digest
             .add(channel, scan.learnt.declared.schema_name(channel), m);
