@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::MessageHeader;
 
-use super::entry::Entry;
+use super::entry::{Company, Entry};
 use super::output::{LogOutput, NameLost};
 use super::policy::{Due, Limits, Policy};
 use super::seal;
@@ -113,8 +113,8 @@ pub(super) struct PartFile {
     good_bytes: u64,
     policy: Policy,
     open: BTreeMap<Topic, u64>,
-    /// Whether the open chunk is one of images.
-    open_images: bool,
+    /// What lies in the open chunk.
+    open_company: Company,
     closed: BTreeMap<Topic, u64>,
 }
 
@@ -157,7 +157,7 @@ impl PartFile {
             good_bytes: 0,
             policy: Policy::new(limits),
             open: BTreeMap::new(),
-            open_images: false,
+            open_company: Company::Others,
             closed: BTreeMap::new(),
         };
         for (name, metadata) in head {
@@ -215,8 +215,8 @@ impl PartFile {
 
     /// Adds an entry; true when a chunk was closed before it. `sequence_of` numbers messages that bring no number of their own.
     ///
-    /// Images lie in chunks of their own, so that a reader of motion and commands unpacks none of them; the order of the
-    /// messages in the file stays what it was.
+    /// Images and stripes lie in chunks of their own, so that a reader of motion and commands unpacks none of them; the order
+    /// of the messages in the file stays what it was.
     pub fn write(
         &mut self,
         now_ns: u64,
@@ -225,9 +225,9 @@ impl PartFile {
         mut sequence_of: impl FnMut(Topic) -> u32,
     ) -> Result<bool, Fault> {
         let size = entry.size_bytes();
-        let images = entry.is_image();
-        let other_kind = self.policy.open_bytes() > 0 && images != self.open_images;
-        let closes = other_kind || self.policy.must_close_before(size);
+        let company = entry.company();
+        let others = self.policy.open_bytes() > 0 && company != self.open_company;
+        let closes = others || self.policy.must_close_before(size);
         if closes {
             self.close_chunk(now_ns)?;
         }
@@ -242,7 +242,7 @@ impl PartFile {
             self.mcap.write_to_known_channel(&header, &part.data)?;
             *self.open.entry(part.topic).or_default() += 1;
         }
-        self.open_images = images;
+        self.open_company = company;
         self.policy.added(now_ns, size, entry.is_urgent());
         Ok(closes)
     }

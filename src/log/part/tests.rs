@@ -1,4 +1,4 @@
-//! Images in chunks of their own: what lies where, in which order, and what it does not cost.
+//! Images and stripes in chunks of their own: what lies where, in which order, and what it does not cost.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
@@ -20,7 +20,7 @@ fn settings(limits: Limits) -> WriteSettings {
     }
 }
 
-/// Two commands, a frame and one more command each period; ticks in between, as the recorder's thread makes them.
+/// Two commands, a frame, one more command and a stripe each period; ticks in between, as the recorder's thread makes them.
 fn written(disk: &MemoryDisk, periods: u32, limits: Limits) {
     let counts = Counts::default;
     let (opener, head) = (disk.opener(), Head::default());
@@ -36,6 +36,12 @@ fn written(disk: &MemoryDisk, periods: u32, limits: Limits) {
         write(1, &Entry::command(&command(3 * i + 1)));
         write(2, &Entry::frame(&grey_frame(i, 72, 58), u64::from(i)));
         write(3, &Entry::command(&command(3 * i + 2)));
+        let profile = pb::StripeProfile {
+            sequence: i,
+            column_px: vec![1.5; 700],
+            ..Default::default()
+        };
+        write(4, &Entry::profile(&profile));
     }
     let outcome = log.finish(
         u64::from(periods) * PERIOD_NS,
@@ -58,13 +64,18 @@ fn chunks(bytes: &[u8]) -> Vec<BTreeSet<String>> {
     topics.filter(|t| !t.is_empty()).collect()
 }
 
-fn images_are_apart(chunks: &[BTreeSet<String>]) {
+fn bulk_is_apart(chunks: &[BTreeSet<String>]) {
     let (image, info) = (Topic::RawImage.name(), Topic::FrameInfo.name());
+    let stripe = Topic::Profile.name();
     for topics in chunks {
-        let apart = topics.iter().all(|t| t == image || t == info);
-        assert_eq!(topics.contains(image), apart, "{topics:?}");
+        for (bulk, with) in [(image, [image, info]), (stripe, [stripe; 2])] {
+            let apart = topics.iter().all(|t| with.contains(&t.as_str()));
+            assert!(!topics.contains(bulk) || apart, "{topics:?}");
+        }
     }
-    assert!(chunks.iter().any(|t| t.contains(image)) && chunks.iter().any(|t| !t.contains(image)));
+    for bulk in [image, stripe] {
+        assert!(chunks.iter().any(|t| t.contains(bulk)), "{bulk}");
+    }
 }
 
 /// What a reader from start to end finds: commands by number, frames as negative ones.
@@ -84,13 +95,13 @@ fn expected(periods: u32) -> Vec<i64> {
 }
 
 #[test]
-fn images_lie_apart_and_the_order_stays() {
+fn images_and_stripes_lie_apart_and_the_order_stays() {
     let disk = MemoryDisk::default();
     written(&disk, 20, Limits::offline());
     let found = chunks(&disk.file(0));
-    images_are_apart(&found);
-    // One with a frame and one without in turn.
-    assert_eq!(found.len(), 41);
+    bulk_is_apart(&found);
+    // Commands, the frame, a command, the stripe.
+    assert_eq!(found.len(), 80);
     assert_eq!(order(disk.file(0)), expected(20));
 }
 
@@ -120,7 +131,7 @@ fn a_live_recording_syncs_no_oftener_and_commands_wait_no_longer() {
     written(&disk, 250, limits);
     let syncs = disk.state.lock().unwrap().syncs;
     assert!((6..=7).contains(&syncs), "{syncs} syncs");
-    images_are_apart(&chunks(&disk.file(0)));
+    bulk_is_apart(&chunks(&disk.file(0)));
     assert_eq!(order(disk.file(0)), expected(250));
 }
 
@@ -133,7 +144,7 @@ fn a_recovered_log_has_them_apart_too() {
     std::fs::write(&cut, &whole[..whole.len() - 3000]).unwrap();
     recover::recover(&cut, &mended).unwrap();
     let bytes = std::fs::read(&mended).unwrap();
-    images_are_apart(&chunks(&bytes));
+    bulk_is_apart(&chunks(&bytes));
     let found = order(bytes);
     assert!(found.len() > 60 && found[..] == expected(20)[..found.len()]);
 }

@@ -6,10 +6,10 @@ use std::io::BufWriter;
 
 use mcap::records::MessageHeader;
 
+use crate::entry::Company;
 use crate::part::MetadataMap;
 use crate::records::{ChannelRecord, MessageRecord};
 use crate::scan::FileScan;
-use crate::topic::Topic;
 
 /// Order-dependent checksum over all messages, names and times.
 #[derive(Default)]
@@ -42,8 +42,8 @@ pub(super) struct Copy {
     pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
     pub total: u64,
-    /// Whether the last message was an image.
-    pub after_image: bool,
+    /// What lies in the open chunk.
+    pub company: Company,
 }
 
 impl Copy {
@@ -75,9 +75,9 @@ impl Copy {
             log_time: m.log_ns,
             publish_time: m.publish_ns,
         };
-        // As the recording does: images in chunks of their own.
-        let image = channel.topic == Topic::RawImage.name();
-        if image != std::mem::replace(&mut self.after_image, image) {
+        // As the recording does: bulk in chunks of its own.
+        let company = Company::of(&channel.topic).unwrap_or(self.company);
+        if company != std::mem::replace(&mut self.company, company) {
             self.writer.flush()?;
         }
         self.writer.write_to_known_channel(&header, &m.data)?;
