@@ -31,6 +31,33 @@ pub enum Entry {
     },
 }
 
+/// Messages that lie in chunks of their own, so that a reader of the others unpacks none of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Company {
+    /// Images and what is said of them.
+    Images,
+    /// Stripes, and the pictures of them for viewers.
+    Stripes,
+    /// Whatever is small: motion, commands, events.
+    Others,
+}
+
+impl Company {
+    /// That of a topic; `None` = it stays with what is before it.
+    pub(super) fn of(topic: &str) -> Option<Self> {
+        let is = |of: Topic| of.name() == topic;
+        if is(Topic::FrameInfo) {
+            None
+        } else if is(Topic::RawImage) {
+            Some(Company::Images)
+        } else if is(Topic::Profile) || is(Topic::Annotations) {
+            Some(Company::Stripes)
+        } else {
+            Some(Company::Others)
+        }
+    }
+}
+
 /// One MCAP message of an entry.
 pub(super) struct Part {
     pub topic: Topic,
@@ -133,6 +160,14 @@ impl Entry {
     /// A frame: the queue may drop it, and reports when it does.
     pub fn is_frame(&self) -> bool {
         matches!(self, Entry::Frame { .. })
+    }
+
+    /// With what it shares a chunk.
+    pub fn company(&self) -> Company {
+        match self {
+            Entry::Frame { .. } => Company::Images,
+            Entry::Message { topic, .. } => Company::of(topic.name()).unwrap_or(Company::Others),
+        }
     }
 
     /// The topic of a message that `replay` computes again from the images: the queue may drop it.

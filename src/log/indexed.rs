@@ -18,6 +18,7 @@ use super::part::MetadataMap;
 use super::reader::{self, LogMessage};
 use super::records::{self, Damage, Declared, LIMIT_BYTES, Located, MessageRecord, PREFIX_BYTES};
 use super::scan::{self, Step};
+use super::topic::Topic;
 
 /// Footer and magic at the end of a file.
 const TAIL_BYTES: u64 = PREFIX_BYTES + 20 + 8;
@@ -132,6 +133,57 @@ impl IndexedLog {
         each.collect()
     }
 
+    /// Hands on the messages of these topics at a place as they lie there, undecoded: topic, time of logging, bytes. Faster
+    /// than [`IndexedLog::messages`] where there are many; a message of another type on the topic is left out.
+    ///
+    /// # Errors
+    /// As [`IndexedLog::messages`]; words of `each` become a [`LogError::Message`].
+    pub fn visit(
+        &self,
+        place: &Place,
+        topics: &[Topic],
+        mut each: impl FnMut(Topic, u64, &[u8]) -> Result<(), String>,
+    ) -> Result<(), LogError> {
+        let offset = place.offset;
+        let damaged = |damage| LogError::Damaged {
+            path: self.path.clone(),
+            offset,
+            damage,
+        };
+        let wanted = self.declared.channels.iter().filter_map(|(id, channel)| {
+            let schema = self.declared.schema_name(channel);
+            let topic = Topic::find(&channel.topic, schema)
+                .filter(|t| channel.message_encoding == "protobuf" && topics.contains(t))?;
+            Some((*id, topic))
+        });
+        let wanted: Vec<(u16, Topic)> = wanted.collect();
+        let hand_on = |id: u16, log_ns: u64, data: &[u8]| {
+            let Some((_, topic)) = wanted.iter().find(|(channel, _)| *channel == id) else {
+                return Ok(());
+            };
+            each(*topic, log_ns, data).map_err(|reason| Stop::Message(*topic, reason))
+        };
+        let (opcode, body) = record_at(&self.file, offset).map_err(damaged)?;
+        let visited = if opcode == op::MESSAGE {
+            let message = records::message(&body).map_err(damaged)?;
+            let mut hand_on = hand_on;
+            hand_on(message.channel_id, message.log_ns, &message.data)
+        } else {
+            let content = records::chunk(&body, false).and_then(|chunk| chunk.open());
+            records::each_message(&content.map_err(damaged)?, hand_on)
+        };
+        visited.map_err(|stop| match stop {
+            Stop::Damage(damage) => damaged(damage),
+            Stop::Message(topic, reason) => LogError::Message {
+                path: self.path.clone(),
+                offset,
+                topic: topic.name().to_owned(),
+                schema: topic.schema_name().to_owned(),
+                reason,
+            },
+        })
+    }
+
     /// Message `index` of a topic, from 0 in the file's order; `None` = there are not so many.
     ///
     /// # Errors
@@ -209,6 +261,18 @@ impl IndexedLog {
             offset,
             record,
         })
+    }
+}
+
+/// What ends a visit.
+enum Stop {
+    Damage(Damage),
+    Message(Topic, String),
+}
+
+impl From<Damage> for Stop {
+    fn from(damage: Damage) -> Self {
+        Stop::Damage(damage)
     }
 }
 

@@ -60,7 +60,7 @@ mod writer;
 
 pub use atomic_file::AtomicFile;
 pub use closing::Closing;
-pub use entry::Entry;
+pub use entry::{Company, Entry};
 pub use file_recorder::FileRecorder;
 pub use image_topics::{ImageTopic, ImageTopicError, image_topic};
 pub use indexed::{IndexedLog, Place};

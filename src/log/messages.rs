@@ -44,6 +44,22 @@ pub const TANK_FRAME: &str = "tank";
 
 const NS: u64 = 1_000_000_000;
 
+/// A message of the log that can be decoded over another one, whose memory it takes.
+pub trait DecodeOver: Default {
+    /// Takes what the bytes say, and nothing of what was here.
+    ///
+    /// # Errors
+    /// What is wrong with the bytes.
+    fn decode_over(&mut self, data: &[u8]) -> Result<(), String>;
+}
+
+impl<M: prost::Message + Default> DecodeOver for M {
+    fn decode_over(&mut self, data: &[u8]) -> Result<(), String> {
+        self.clear();
+        self.merge(data).map_err(|e| e.to_string())
+    }
+}
+
 /// UNIX nanoseconds as a protobuf timestamp.
 pub fn timestamp(unix_ns: u64) -> Timestamp {
     Timestamp {

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::MessageHeader;
 
-use super::entry::Entry;
+use super::entry::{Company, Entry};
 use super::output::{LogOutput, NameLost};
 use super::policy::{Due, Limits, Policy};
 use super::seal;
@@ -97,6 +97,9 @@ pub struct Encoding {
 /// Room for what the closing summary holds beside schemas, channels and chunk indexes.
 const TAIL_FIXED_BYTES: u64 = 32 << 10;
 
+/// Room for the one event that says why a log stops.
+const LAST_WORDS_BYTES: u64 = 4096;
+
 /// A part being written.
 pub(super) struct PartFile {
     sink: Box<dyn LogOutput>,
@@ -110,6 +113,8 @@ pub(super) struct PartFile {
     good_bytes: u64,
     policy: Policy,
     open: BTreeMap<Topic, u64>,
+    /// What lies in the open chunk.
+    open_company: Company,
     closed: BTreeMap<Topic, u64>,
 }
 
@@ -152,6 +157,7 @@ impl PartFile {
             good_bytes: 0,
             policy: Policy::new(limits),
             open: BTreeMap::new(),
+            open_company: Company::Others,
             closed: BTreeMap::new(),
         };
         for (name, metadata) in head {
@@ -208,6 +214,9 @@ impl PartFile {
     }
 
     /// Adds an entry; true when a chunk was closed before it. `sequence_of` numbers messages that bring no number of their own.
+    ///
+    /// Images and stripes lie in chunks of their own, so that a reader of motion and commands unpacks none of them; the order
+    /// of the messages in the file stays what it was.
     pub fn write(
         &mut self,
         now_ns: u64,
@@ -216,7 +225,9 @@ impl PartFile {
         mut sequence_of: impl FnMut(Topic) -> u32,
     ) -> Result<bool, Fault> {
         let size = entry.size_bytes();
-        let closes = self.policy.must_close_before(size);
+        let company = entry.company();
+        let others = self.policy.open_bytes() > 0 && company != self.open_company;
+        let closes = others || self.policy.must_close_before(size);
         if closes {
             self.close_chunk(now_ns)?;
         }
@@ -231,6 +242,7 @@ impl PartFile {
             self.mcap.write_to_known_channel(&header, &part.data)?;
             *self.open.entry(part.topic).or_default() += 1;
         }
+        self.open_company = company;
         self.policy.added(now_ns, size, entry.is_urgent());
         Ok(closes)
     }
@@ -327,8 +339,10 @@ impl PartFile {
         // zstd's compressBound is n + n/256 + 64; message records and their index entries are in
         // Entry::size_bytes; a channel's index header and the chunk's own take the rest.
         let channels = self.channels.len() as u64;
-        let chunk = raw + raw / 128 + 4096 + 128 * channels + self.schema_bytes;
-        let index = (self.chunks + 2) * (96 + 10 * channels);
+        let around = 4096 + 128 * channels + self.schema_bytes;
+        // Twice: what is said of a full disk may need a chunk of its own behind the open one.
+        let chunk = raw + raw / 128 + 2 * around + LAST_WORDS_BYTES;
+        let index = (self.chunks + 3) * (96 + 10 * channels);
         let tail = TAIL_FIXED_BYTES + self.schema_bytes + 32 * channels + index;
         self.sink.reserve(self.good_bytes + chunk + tail)
     }
@@ -382,3 +396,6 @@ fn record(out: &mut Vec<u8>, opcode: u8, body: &[u8]) {
     out.extend((body.len() as u64).to_le_bytes());
     out.extend(body);
 }
+
+#[cfg(test)]
+mod tests;

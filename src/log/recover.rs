@@ -21,6 +21,7 @@ use serde::Serialize;
 
 use super::LogError;
 use super::atomic_file::AtomicFile;
+use super::entry::Company;
 use super::part::MetadataMap;
 use super::reader::decode;
 use super::records::{self, ChunkFinder, ChunkRecord, Damage};
@@ -142,6 +143,7 @@ fn copy_all(
         ledger: Ledger::default(),
         messages,
         total: 0,
+        company: Company::Others,
     };
     for name in head {
         let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use hydroline_numerics::cancel;
 use mcap::records::op;
 
 use super::LogError;
@@ -117,8 +118,9 @@ impl<R: BufRead> Scan<R> {
         }))
     }
 
-    /// The next step; `None` when the file is read.
+    /// The next step; `None` when the file is read. A computation that is cancelled ends here: whatever reads a log can be.
     pub fn next(&mut self) -> Option<Step> {
+        cancel::check();
         let step = self.next_inner();
         self.damaged |= matches!(step, Some(Step::Damage { .. }));
         step

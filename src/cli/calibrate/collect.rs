@@ -5,6 +5,7 @@ use crate::{CliError, images, progress};
 use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
+use hydroline_numerics::cancel;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -166,6 +167,7 @@ pub fn collect(
                 let looked: Vec<(bool, Looked)> = paths
                     .par_iter()
                     .map(|path| {
+                        cancel::check();
                         let image = images::load(path, &reading.rule);
                         (image.is_err(), look(setup, image, true))
                     })
@@ -230,6 +232,7 @@ fn log(
         let looked: Vec<Looked> = frames
             .par_iter()
             .map(|(k, frame)| {
+                cancel::check();
                 if let Some(fault) = frame.meta.fault {
                     let name = hydroline_log::messages::fault_name(fault);
                     return Err(format!("frame excluded: {name}"));

@@ -10,6 +10,7 @@ use hydroline_core::frame::GreyImage;
 use hydroline_identify::data::{Command, LoadError, load_messages};
 use hydroline_log::messages::pb;
 use hydroline_log::{LogReader, Record};
+use hydroline_numerics::cancel;
 use hydroline_rigs::Rig;
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile, StripePoint, quality};
 use std::path::Path;
@@ -141,6 +142,7 @@ fn looked_at(
     let map = calibration.map(Calibration::to_map);
     let (mut frames, mut dark) = (Vec::new(), Vec::new());
     for (t_s, image) in images {
+        cancel::check();
         let profile = extractor.extract(&image);
         match seen(t_s, image, profile, map.as_deref().map(|m| (m, &ideal))) {
             Ok(seen) => frames.push(seen),

@@ -371,6 +371,43 @@ pub(crate) fn next_inner(content: &mut Bytes) -> Option<Result<(u8, Bytes), Dama
     Some(Ok((opcode, content.split_to(len as usize))))
 }
 
+/// Hands on the messages of a chunk's content where they lie: channel, time of logging, bytes.
+pub(crate) fn each_message<E: From<Damage>>(
+    mut content: &[u8],
+    mut each: impl FnMut(u16, u64, &[u8]) -> Result<(), E>,
+) -> Result<(), E> {
+    /// Channel, sequence, time of logging, time of publishing.
+    const HEAD_BYTES: usize = 2 + 4 + 8 + 8;
+    while !content.is_empty() {
+        let have = content.len() as u64;
+        let Some((prefix, rest)) = content.split_at_checked(PREFIX_BYTES as usize) else {
+            let need = PREFIX_BYTES;
+            return Err(Damage::Cut { need, have }.into());
+        };
+        let (opcode, len) = (prefix[0], (&prefix[1..]).get_u64_le());
+        let cut = Damage::Cut {
+            need: len,
+            have: rest.len() as u64,
+        };
+        let (body, behind) = usize::try_from(len)
+            .ok()
+            .and_then(|len| rest.split_at_checked(len))
+            .ok_or(cut)?;
+        content = behind;
+        if opcode != op::MESSAGE {
+            continue;
+        }
+        let (mut head, data) = body.split_at_checked(HEAD_BYTES).ok_or(Damage::Malformed {
+            opcode,
+            field: "message head",
+        })?;
+        let (channel, _sequence, log_ns) =
+            (head.get_u16_le(), head.get_u32_le(), head.get_u64_le());
+        each(channel, log_ns, data)?;
+    }
+    Ok(())
+}
+
 /// Schemas and channels declared so far.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Declared {

@@ -6,6 +6,7 @@ use std::io::BufWriter;
 
 use mcap::records::MessageHeader;
 
+use crate::entry::Company;
 use crate::part::MetadataMap;
 use crate::records::{ChannelRecord, MessageRecord};
 use crate::scan::FileScan;
@@ -41,6 +42,8 @@ pub(super) struct Copy {
     pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
     pub total: u64,
+    /// What lies in the open chunk.
+    pub company: Company,
 }
 
 impl Copy {
@@ -72,6 +75,11 @@ impl Copy {
             log_time: m.log_ns,
             publish_time: m.publish_ns,
         };
+        // As the recording does: bulk in chunks of its own.
+        let company = Company::of(&channel.topic).unwrap_or(self.company);
+        if company != std::mem::replace(&mut self.company, company) {
+            self.writer.flush()?;
+        }
         self.writer.write_to_known_channel(&header, &m.data)?;
         self.digest
             .add(channel, scan.learnt.declared.schema_name(channel), m);

@@ -19,6 +19,7 @@ from ._commands import calibrate, diagnose, doctor, identify, import_table, pred
 from ._errors import ArgumentError, Error, InputError, LossyWarning, RunError
 from ._extract import extract
 from ._hydroline import Calibration, Frame, Frames, Log, Plan, Profile, Rig, Table, __version__
+from ._result import Result
 from ._results import (
     BoardCalibration,
     Diagnosis,
@@ -27,7 +28,6 @@ from ._results import (
     Identification,
     Import,
     Prediction,
-    Result,
     Simulation,
 )
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import datetime
 import difflib
 import os
+import re
 import tempfile
 import warnings
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 from . import _hydroline
-from ._errors import ArgumentError, LossyWarning
+from ._errors import ArgumentError, Error, LossyWarning
 
 PathLike = Union[str, "os.PathLike[str]"]
 Paths = Union[PathLike, Sequence[PathLike]]
@@ -59,6 +60,18 @@ def _text(function: str, name: str, value: object, files: "_Files") -> str:
     if hasattr(value, "__float__"):
         return repr(float(value))
     raise _wrong(function, name, value)
+
+
+def _keywords(command: str, error: Error) -> None:
+    """Names arguments in an exception's words as the function has them: the command line writes ``--hold-out <LOG>``."""
+    arguments = {a["name"] for a in definition(command)[1]}
+
+    def keyword(found: "re.Match[str]") -> str:
+        name = found.group(1)
+        return keyword_of(name) if name in arguments else found.group(0)
+
+    words = re.sub(r"(?<![\w-])--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)(?: <[^<>]*>)?(?:\.\.\.)?", keyword, str(error))
+    error.args = (words, *error.args[1:])
 
 
 def _is_default(argument: Mapping[str, Any], value: object) -> bool:
@@ -179,6 +192,9 @@ def call(
     files = _Files()
     try:
         called = _hydroline.call(words(function, command, given, files), progress)
+    except Error as error:
+        _keywords(command, error)
+        raise
     finally:
         files.close()
     if called.lossy:

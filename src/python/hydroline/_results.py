@@ -6,60 +6,10 @@ that a notebook needs most, with units in their names (SI; motion in the tank fr
 
 from __future__ import annotations
 
-import html
-import json
+import math
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
-from . import _hydroline
-
-
-class Result:
-    """A result: what the command line prints with ``--json``, and its remarks."""
-
-    def __init__(self, called: "_hydroline.Called") -> None:
-        self._called = called
-        self._dict: Optional[Dict[str, Any]] = None
-
-    @property
-    def json(self) -> str:
-        """The text that the command line prints with ``--json``, byte for byte."""
-        return self._called.text
-
-    @property
-    def remarks(self) -> Tuple[str, ...]:
-        """Remarks for a person, which the command line prints on stderr."""
-        return tuple(self._called.remarks)
-
-    @property
-    def lossy(self) -> bool:
-        """Whether something was lost on the way (exit code 3)."""
-        return self._called.lossy
-
-    def to_dict(self) -> Dict[str, Any]:
-        """The command line's JSON as a dictionary, made anew at each call: it may be changed."""
-        made: Dict[str, Any] = json.loads(self.json)
-        return made
-
-    @property
-    def _fields(self) -> Mapping[str, Any]:
-        if self._dict is None:
-            self._dict = self.to_dict()
-        return self._dict
-
-    def _sentence(self) -> str:
-        return f"{len(self._fields)} fields"
-
-    def __repr__(self) -> str:
-        return f"<hydroline.{type(self).__name__}: {self._sentence()}>"
-
-    def _repr_html_(self) -> Optional[str]:
-        """The report in a frame of its own, as ``--report`` writes it; None where the command has none."""
-        page = self._called.page()
-        if page is None:
-            return None
-        # A frame, so that the report's styles and the notebook's know nothing of each other.
-        text = html.escape(page, quote=True)
-        return f'<iframe srcdoc="{text}" width="100%" height="640" style="border:0"></iframe>'
+from ._result import Result
 
 
 class Estimate:
@@ -117,6 +67,26 @@ class Identification(Result):
         return {key: Estimate(key, of[key]) for key in order}
 
     @property
+    def covariance(self) -> List[List[Optional[float]]]:
+        """Covariance of the coefficients in the order of ``parameters``, shape (n, n); None = not determined."""
+        return list(self._fields["covariance"])
+
+    @property
+    def variance_ratio(self) -> float:
+        """Residual variance over the noise used; 1 = the noise explains the residuals."""
+        return float(self._fields["variance_ratio"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether the method converged."""
+        return bool(self._fields["converged"])
+
+    @property
+    def notes(self) -> List[str]:
+        """Remarks of the fit, a sentence each."""
+        return list(self._fields["notes"])
+
+    @property
     def misfit(self) -> List[str]:
         """What the noise does not explain, a sentence each; empty = the model explains the runs."""
         return list(self._fields["misfit"])
@@ -145,6 +115,21 @@ class Diagnosis(Result):
     def effects(self) -> List[Dict[str, Any]]:
         """What was left out together, heaviest first: ``effect``, ``dof``, ``probability``, ``weight``, ``parameters`` ..."""
         return list(self._fields["effects"])
+
+    @property
+    def equivalent(self) -> List[List[str]]:
+        """Sets of effects that these data cannot distinguish, most probable first."""
+        return list(self._fields["equivalent"])
+
+    @property
+    def data_faults(self) -> List[Dict[str, Any]]:
+        """Faults of the data."""
+        return list(self._fields["data_faults"])
+
+    @property
+    def notes(self) -> List[str]:
+        """Remarks, a sentence each."""
+        return list(self._fields["notes"])
 
     @property
     def next_plan_toml(self) -> Optional[str]:
@@ -197,12 +182,32 @@ class Simulation(Result):
         """Length of the run [s]."""
         return float(self._fields["length_s"])
 
+    @property
+    def messages(self) -> Dict[str, int]:
+        """Messages written, by topic."""
+        return dict(self._fields["messages"])
+
     def _sentence(self) -> str:
         return f"{self.log}, {self.length_s:g} s"
 
 
 class Health(Result):
     """Whether a log is sound, as ``hydroline doctor`` prints it."""
+
+    @property
+    def sound(self) -> bool:
+        """No finding is worse than a note."""
+        return bool(self._fields["sound"])
+
+    @property
+    def messages(self) -> int:
+        """Messages read."""
+        return int(self._fields["messages"])
+
+    @property
+    def frames_lost(self) -> int:
+        """Frames that were lost on the way into the log."""
+        return int(self._fields["frames_lost"])
 
     @property
     def findings(self) -> List[Dict[str, Any]]:
@@ -249,6 +254,38 @@ class BoardCalibration(Result):
     def accepted(self) -> bool:
         """Whether it meets its tolerance."""
         return bool(self._fields["accepted"])
+
+    @property
+    def nodes(self) -> int:
+        """Nodes of the board that the map is made of."""
+        return int(self._fields["nodes"])
+
+    @property
+    def rms_m(self) -> Tuple[float, float]:
+        """Root mean square of the nodes' residuals in the laser plane [m], in xi and eta; NaN = there are none."""
+        found = self._fields["residuals"]
+        return (math.nan, math.nan) if found is None else (float(found["rms_xi_m"]), float(found["rms_eta_m"]))
+
+    @property
+    def worst_sd_m(self) -> Optional[float]:
+        """Largest standard deviation of a plane coordinate over the board [m], the gap between board and sheet included."""
+        found: Optional[float] = self._fields["worst_sd_m"]
+        return found
+
+    @property
+    def tolerance_m(self) -> float:
+        """Largest standard deviation that the rig allows [m]."""
+        return float(self._fields["tolerance_m"])
+
+    @property
+    def claim(self) -> str:
+        """What accuracy it claims, in words."""
+        return str(self._fields["claim"])
+
+    @property
+    def against(self) -> List[Dict[str, Any]]:
+        """Comparisons with other calibrations, and with the board's other poses."""
+        return list(self._fields["against"])
 
     @property
     def missing(self) -> List[str]:

@@ -140,15 +140,7 @@ pub fn call(
     heard?;
     let ended = match ended {
         Ok(ended) => ended.map_err(|words| errors::run(py, words))?,
-        Err(panic) => {
-            let words = panic
-                .downcast_ref::<String>()
-                .map(String::as_str)
-                .or_else(|| panic.downcast_ref::<&str>().copied())
-                .unwrap_or("no words");
-            let words = format!("a bug in hydroline, please report it: {words}");
-            return Err(errors::run(py, words));
-        }
+        Err(panic) => return Err(bug(py, &*panic)),
     };
     match ended {
         Ok(Ok(outcome)) => {
@@ -191,6 +183,56 @@ fn listen(
     }
     called.text = String::from_utf8_lossy(&text).into_owned();
     Ok(())
+}
+
+/// Runs `work` on a thread of its own, while this one waits without the GIL and looks after signals: one of them ends it
+/// at its next question to the token.
+pub fn interruptible<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&Token) -> T + Send,
+) -> PyResult<T> {
+    let token = Token::default();
+    let (over, end) = channel::<()>();
+    let end = Mutex::new(end);
+    let ended = std::thread::scope(|scope| {
+        let worker = std::thread::Builder::new().spawn_scoped(scope, || {
+            // Dropped at the end, however it ends.
+            let _over = over;
+            cancel::catch(|| work(&token))
+        });
+        let worker =
+            worker.map_err(|e| errors::run(py, format_args!("no thread can be started: {e}")))?;
+        let wait = || {
+            let end = end.lock().unwrap_or_else(PoisonError::into_inner);
+            end.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout)
+        };
+        let mut heard = Ok(());
+        while heard.is_ok() && py.detach(wait) {
+            heard = py.check_signals();
+        }
+        if heard.is_err() {
+            token.cancel();
+        }
+        let ended = py.detach(|| worker.join());
+        heard.map(|()| ended)
+    });
+    match ended? {
+        Ok(result) => result.map_err(|cancelled| errors::run(py, cancelled)),
+        Err(panic) => Err(bug(py, &*panic)),
+    }
+}
+
+/// What a panic comes to.
+fn bug(py: Python<'_>, panic: &(dyn std::any::Any + Send)) -> PyErr {
+    let words = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no words");
+    errors::run(
+        py,
+        format_args!("a bug in hydroline, please report it: {words}"),
+    )
 }
 
 /// First line and arguments of a command, as its definition has them.

@@ -13,6 +13,7 @@ mod errors;
 mod extract;
 mod files;
 mod frames;
+mod kinds;
 mod log;
 mod table;
 

@@ -1,11 +1,16 @@
 //! A log: its tables, its frames, and what its head says.
 
-use crate::columns::Kind;
+use crate::call;
+use crate::columns::{Table as Columns, joined};
 use crate::errors;
 use crate::files::{Calibration, Rig};
 use crate::frames::Frames;
+use crate::kinds::Kind;
 use crate::table::Table;
-use hydroline_log::{IndexedLog, LogError, LogMessage};
+use arrow_array::{ArrayRef, RecordBatch};
+use arrow_schema::ArrowError;
+use hydroline_log::{IndexedLog, LogError, Place, Topic};
+use hydroline_numerics::cancel::{self, Token};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -20,22 +25,53 @@ pub struct Log {
     tables: Mutex<BTreeMap<Kind, Py<Table>>>,
 }
 
-/// The messages of these kinds, by kind, in the file's order; chunks are unpacked on all cores.
-fn messages(log: &IndexedLog, kinds: &[Kind]) -> Result<BTreeMap<Kind, Vec<LogMessage>>, LogError> {
-    let topics: Vec<&str> = kinds.iter().map(|k| k.topic()).collect();
-    let places = log.places(&topics).into_par_iter();
-    let read: Vec<Vec<LogMessage>> = places
-        .map(|place| log.messages(place, &topics))
-        .collect::<Result<_, LogError>>()?;
-    let mut found: BTreeMap<Kind, Vec<LogMessage>> =
-        kinds.iter().map(|k| (*k, Vec::new())).collect();
-    for message in read.into_iter().flatten() {
-        let of = Kind::of(&message.record).and_then(|kind| found.get_mut(&kind));
-        if let Some(of) = of {
-            of.push(message);
-        }
+/// Shares of a log that are read at once, per thread: the last ones to end leave little waiting.
+const SHARES: usize = 4;
+
+/// Why there is no table.
+enum Failure {
+    Log(LogError),
+    Table(ArrowError),
+}
+
+/// The tables of these kinds, of one part of the log.
+fn part(
+    log: &IndexedLog,
+    places: &[&Place],
+    kinds: &[Kind],
+) -> Result<Vec<Vec<(&'static str, ArrayRef)>>, LogError> {
+    let topics: Vec<Topic> = kinds.iter().map(|k| k.topic()).collect();
+    let mut tables: Vec<Box<dyn Columns>> = kinds.iter().map(|k| k.table()).collect();
+    for place in places {
+        cancel::check();
+        log.visit(place, &topics, |topic, log_ns, data| {
+            let mut tables = topics.iter().zip(&mut tables);
+            let table = tables.find(|(of, _)| **of == topic);
+            table.map_or(Ok(()), |(_, table)| table.push(log_ns, data))
+        })?;
     }
-    Ok(found)
+    Ok(tables.iter_mut().map(|table| table.finish()).collect())
+}
+
+/// The tables of these kinds: chunks that hold none of them are skipped, the others unpacked on all cores.
+fn tables(log: &IndexedLog, kinds: &[Kind], token: &Token) -> Result<Vec<RecordBatch>, Failure> {
+    let topics: Vec<&str> = kinds.iter().map(|k| k.topic().name()).collect();
+    let places = log.places(&topics);
+    let share = places.len().div_ceil(SHARES * rayon::current_num_threads());
+    let shares: Vec<&[&Place]> = match places.is_empty() {
+        true => vec![&[]],
+        false => places.chunks(share).collect(),
+    };
+    let parts = shares.into_par_iter().map(|places| {
+        let _bound = token.bind();
+        part(log, places, kinds)
+    });
+    let mut parts: Vec<_> = parts.collect::<Result<_, _>>().map_err(Failure::Log)?;
+    let of = |k: usize| {
+        let parts = parts.iter_mut().map(|part| std::mem::take(&mut part[k]));
+        joined(parts.collect()).map_err(Failure::Table)
+    };
+    (0..kinds.len()).map(of).collect()
 }
 
 impl Log {
@@ -47,17 +83,17 @@ impl Log {
         if let Some(table) = known(self) {
             return Ok(table);
         }
-        let kinds = match kind {
-            Kind::Stripes => &[Kind::Stripes][..],
-            _ => &Kind::SMALL,
-        };
-        let read = py.detach(|| messages(&self.log, kinds));
-        for (kind, messages) in read.map_err(|e| errors::sorted(py, e))? {
-            let batch = py.detach(|| kind.table(messages));
-            let table = Py::new(py, Table::new(batch.map_err(|e| errors::run(py, e))?))?;
+        let kinds = kind.together();
+        let read = call::interruptible(py, |token| tables(&self.log, kinds, token))?;
+        let read = read.map_err(|failure| match failure {
+            Failure::Log(error) => errors::sorted(py, error),
+            Failure::Table(error) => errors::run(py, error),
+        })?;
+        for (kind, batch) in kinds.iter().zip(read) {
+            let table = Py::new(py, Table::new(batch))?;
             let mut tables = self.tables.lock().unwrap_or_else(PoisonError::into_inner);
             // Another thread may have been here first: then its table stays.
-            tables.entry(kind).or_insert(table);
+            tables.entry(*kind).or_insert(table);
         }
         known(self).ok_or_else(|| errors::run(py, "a table was not made"))
     }
@@ -72,7 +108,7 @@ impl Log {
 impl Log {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let log = py.detach(|| IndexedLog::open(&path));
+        let log = call::interruptible(py, |_| IndexedLog::open(&path))?;
         Ok(Log {
             log: Arc::new(log.map_err(|e| errors::sorted(py, e))?),
             tables: Mutex::default(),
@@ -174,8 +210,8 @@ impl Log {
         format!(
             "<hydroline.Log {}: {} poses, {} commands, {} frames>",
             self.log.path().display(),
-            of(Kind::Motion.topic()),
-            of(Kind::Commands.topic()),
+            of(Topic::Motion.name()),
+            of(Topic::Command.name()),
             of(crate::frames::IMAGE)
         )
     }

@@ -1,33 +1,41 @@
-"""Figures of the book's Validation: `python src/python/tests/figures.py LOG` with the wheel of `tests/python wheel` installed.
+"""Figures of the book's Validation, with the wheel of `tests/python wheel` installed:
 
-Reading LOG's motion and commands beside the pure-Python `mcap` reader (once each, as a notebook does), the cost of a call of
-`extract`, and the memory after a thousand calls of each function.
+    python src/python/tests/figures.py read LOG ...    motion and commands, beside the pure-Python `mcap` reader
+    python src/python/tests/figures.py extract PROGRAM beside the Rust side (`cargo build --example time_extract`)
+    python src/python/tests/figures.py memory [COUNT] [FUNCTION ...]    resident memory over so many calls of each
+
+Both sides of a comparison are measured in one run, taking turns; the least of several rounds counts.
 """
 
 from __future__ import annotations
 
-import resource
+import subprocess
 import sys
 import tempfile
 import time
-import timeit
 from pathlib import Path
-from typing import Callable, Dict, List
+from typing import Dict, List, Tuple
 
 import numpy
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 import hydroline
+import memory
 
 TOPICS = ["/vehicle/motion", "/thruster/command"]
 
 
-def reading(path: str) -> None:
+def ours(path: str) -> Tuple[float, List[int]]:
+    """Seconds and rows."""
     began = time.perf_counter()
     log = hydroline.read(path)
-    ours = [len(log.motion), len(log.commands)]
-    ours_s = time.perf_counter() - began
+    rows = [len(log.motion), len(log.commands)]
+    return time.perf_counter() - began, rows
+
+
+def theirs(path: str) -> Tuple[float, List[int]]:
+    """The same with the `mcap` package, which finds chunks by the index too, and decodes the same two kinds."""
     began = time.perf_counter()
     rows: Dict[str, List[object]] = {topic: [] for topic in TOPICS}
     with open(path, "rb") as file:
@@ -38,53 +46,71 @@ def reading(path: str) -> None:
                 rows[channel.topic].append((stamp_ns, m.x_m, m.y_m, m.z_m, m.phi_rad, m.theta_rad, m.psi_rad))
             else:
                 rows[channel.topic].append((stamp_ns, m.thruster, m.thrust_n, m.pulse_us))
-    theirs_s = time.perf_counter() - began
-    assert ours == [len(rows[topic]) for topic in TOPICS]
+    return time.perf_counter() - began, [len(rows[topic]) for topic in TOPICS]
+
+
+def reading(path: str, rounds: int = 3) -> float:
+    """How many times as fast ours is."""
+    taken: List[Tuple[float, float]] = []
+    for _ in range(rounds):
+        (ours_s, found), (theirs_s, expected) = ours(path), theirs(path)
+        assert found == expected
+        taken.append((ours_s, theirs_s))
+    ours_s, theirs_s = (min(t[k] for t in taken) for k in range(2))
     size_mb = Path(path).stat().st_size / 1e6
-    print(f"{size_mb:.0f} MB, {ours} rows: {ours_s:.3f} s, mcap {theirs_s:.3f} s, {theirs_s / ours_s:.1f} x")
+    print(f"{size_mb:.0f} MB, {found} rows: {ours_s:.3f} s, mcap {theirs_s:.3f} s, {theirs_s / ours_s:.1f} x", flush=True)
+    return theirs_s / ours_s
 
 
-def extracting() -> None:
-    none = numpy.zeros((8, 8), numpy.uint8)
-    image = numpy.zeros((576, 720), numpy.uint8)
-    image[286:291] = numpy.array([60, 150, 200, 150, 60], numpy.uint8)[:, None]
-    for name, frame, count in (("call alone", none, 20000), ("720 x 576", image, 300)):
-        each_s = min(timeit.repeat(lambda: hydroline.extract(frame), number=count, repeat=5)) / count
-        print(f"extract, {name}: {1e6 * each_s:.2f} us")
+def frame() -> "numpy.ndarray[Tuple[int, int], numpy.dtype[numpy.uint8]]":
+    """A line across 720 x 576 pixels, with noise."""
+    image = numpy.random.default_rng(1).normal(10.0, 2.0, (576, 720))
+    image[286:291] += numpy.array([60, 150, 200, 150, 60])[:, None]
+    return image.clip(0, 255).astype(numpy.uint8)
 
 
-def calling(folder: Path, count: int = 1000) -> None:
-    log = hydroline.simulate(rig="lshpi", plan="surge-4n", motion_only=True, out=folder / "a.mcap").log
-    image = numpy.zeros((576, 720), numpy.uint8)
+def extracting(program: str, count: int = 100, rounds: int = 20) -> float:
+    """Cost of `extract` over that of the same work in Rust."""
+    image, times = frame(), []
+    words = [program, *map(str, (image.shape[1], image.shape[0], count))]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as rust:
+        assert rust.stdin and rust.stdout
+        rust.stdin.write(image.tobytes())
+        for _ in range(rounds):
+            rust.stdin.write(b"\n")
+            rust.stdin.flush()
+            rust_s = float(rust.stdout.readline())
+            began = time.perf_counter()
+            for _ in range(count):
+                hydroline.extract(image)
+            times.append(((time.perf_counter() - began) / count, rust_s))
+        rust.stdin.close()
+    python_s, rust_s = (min(t[k] for t in times) for k in range(2))
+    print(f"extract, 720 x 576: {1e6 * python_s:.1f} us, Rust {1e6 * rust_s:.1f} us, {python_s / rust_s:.3f} x", flush=True)
+    return python_s / rust_s
 
-    def simulate() -> None:
-        out = folder / "b.mcap"
-        out.unlink(missing_ok=True)
-        hydroline.simulate(rig="lshpi", plan="still", motion_only=True, out=out)
 
-    calls: Dict[str, Callable[[], object]] = {
-        "read": lambda: hydroline.read(log).motion["x_m"],
-        "extract": lambda: hydroline.extract(image).row_px,
-        "Rig.load": lambda: hydroline.Rig.load("lshpi"),
-        "simulate": simulate,
-        "predict": lambda: hydroline.predict(rig="lshpi", plan="still", rate=5),
-        "doctor": lambda: hydroline.doctor(log),
-        "identify": lambda: hydroline.identify(log, rig="lshpi"),
-        "diagnose": lambda: hydroline.diagnose(log, rig="lshpi"),
-    }
-    for name, call in calls.items():
-        sizes = []
-        for _ in range(3):
-            for _ in range(count // 2):
-                call()
-            pages = int(Path("/proc/self/statm").read_text().split()[1])
-            sizes.append(pages * resource.getpagesize() // 1024)
-        print(f"{name}: resident {sizes} kB after {[k * (count // 2) for k in (1, 2, 3)]} calls", flush=True)
+def remembering(count: int, names: List[str]) -> None:
+    """Resident memory over calls of each function."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        log = hydroline.simulate(rig="lshpi", plan="surge-4n", motion_only=True, out=folder / "a.mcap").log
+        for function, call in memory.calls(folder, log).items():
+            if names and function not in names:
+                continue
+            began = time.perf_counter()
+            sizes = memory.growth_kb(call, count)
+            each_s = (time.perf_counter() - began) / (1.2 * count)
+            slope = memory.slope_kb(sizes, count)
+            print(f"{function}: {slope:+.3f} kB a call; kB after each tenth of {count}: {sizes}; {each_s:.4f} s each", flush=True)
 
 
 if __name__ == "__main__":
-    for path in sys.argv[1:]:
-        reading(path)
-    extracting()
-    with tempfile.TemporaryDirectory() as folder:
-        calling(Path(folder))
+    what, *words = sys.argv[1:]
+    if what == "read":
+        for path in words:
+            reading(path)
+    elif what == "extract":
+        extracting(words[0])
+    else:
+        remembering(int(words[0]) if words else 1000, words[1:])
