@@ -174,7 +174,7 @@ fn copy_all(
                 spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
                 damage.push((offset, d.to_string()));
                 if d.loses_the_thread()
-                    && let Some(next) = finder.find(offset + 1).map_err(read)?
+                    && let Some(next) = finder.find(scan.search_from(offset)).map_err(read)?
                 {
                     spoilt = true;
                     scan.jump(next).map_err(read)?;

@@ -83,6 +83,8 @@ pub(super) struct Scan<R> {
     unpacked_bytes: u64,
     /// Whether it was looked for what stands behind the end.
     ended_at: Option<u64>,
+    /// Where the last chunk's content ends, whatever its record's length says: a wrong length swallows what follows.
+    behind_chunk: u64,
 }
 
 pub(super) type FileScan = Scan<BufReader<File>>;
@@ -115,7 +117,17 @@ impl<R: BufRead> Scan<R> {
             done: false,
             unpacked_bytes: 0,
             ended_at: None,
+            behind_chunk: 0,
         }))
+    }
+
+    /// From where to look for the next sound chunk after damage at `offset` that loses the thread: nothing between the last
+    /// chunk's content and it is one that was read.
+    pub fn search_from(&self, offset: u64) -> u64 {
+        match self.behind_chunk {
+            0 => offset + 1,
+            behind => behind.min(offset + 1),
+        }
     }
 
     /// The next step; `None` when the file is read. A computation that is cancelled ends here: whatever reads a log can be.
@@ -222,6 +234,7 @@ impl<R: BufRead> Scan<R> {
             op::CHUNK if !self.past_data => {
                 self.learnt.chunks += 1;
                 let chunk = records::chunk(body, false)?;
+                self.behind_chunk = outer.offset + records::PREFIX_BYTES + chunk.bytes();
                 self.learnt.chunks_unchecked +=
                     u64::from(chunk.crc == 0 && chunk.uncompressed_bytes > 0);
                 *self

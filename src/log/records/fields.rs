@@ -269,6 +269,12 @@ pub(crate) fn chunk(body: &Bytes, truncated: bool) -> Result<ChunkRecord, Damage
 }
 
 impl ChunkRecord {
+    /// Bytes of the record behind its length, as its own fields say: two times, two sizes, checksum, the compression's name
+    /// behind its length, the content behind its length.
+    pub fn bytes(&self) -> u64 {
+        40 + self.compression.len() as u64 + self.content_bytes
+    }
+
     /// The chunk's records, decompressed and with their CRC checked.
     pub fn open(&self) -> Result<Bytes, Damage> {
         let bytes = match self.at_once() {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +30,8 @@ def test_the_commands_are_as_the_command_line_defines_them() -> None:
 
 
 EXAMPLES = str(HERE.parent / "examples")
-CHECKS = [["mypy", "--strict", EXAMPLES], ["mypy", "--strict", "-p", "hydroline"], ["pyright", EXAMPLES]]
+MYPY = ["mypy", "--strict", f"--cache-dir={os.devnull}"]
+CHECKS = [[*MYPY, EXAMPLES], [*MYPY, "-p", "hydroline"], ["pyright", EXAMPLES]]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=["mypy-examples", "mypy-package", "pyright-examples"])

@@ -6,6 +6,7 @@ use hydroline::log::info::{Ending, info};
 use hydroline::log::recover::recover;
 use hydroline::log::*;
 use proptest::prelude::*;
+use std::path::Path;
 
 use super::support::{Rng, python_counts, read_all, small_log};
 
@@ -134,7 +135,13 @@ fn a_damaged_chunk_costs_only_itself() {
     small_log(&path, 12, 14_000, 1);
     let mut bytes = std::fs::read(&path).unwrap();
     let (whole, _) = read_all(&bytes);
-    let (start, end) = offsets(&bytes, 6)[2];
+    // One of commands, with some before and behind.
+    let mut commands = whole
+        .iter()
+        .filter(|m| matches!(m.record, Record::Command(_)));
+    let hit = commands.nth(5).unwrap().offset as usize;
+    let chunks = offsets(&bytes, 6);
+    let (start, end) = *chunks.iter().find(|(start, _)| *start == hit).unwrap();
     bytes[(start + end) / 2] ^= 0x10;
     let (messages, errors) = read_all(&bytes);
     let expected: Vec<_> = whole
@@ -171,18 +178,24 @@ fn a_wrong_length_does_not_cost_the_rest_of_the_file() {
     let path = dir.path().join("a.mcap");
     small_log(&path, 20, 14_000, 1);
     let bytes = std::fs::read(&path).unwrap();
-    let (whole, _) = read_all(&bytes);
-    let (start, _) = offsets(&bytes, 6)[2];
+    for chunk in [2, 3] {
+        damaged_length(&path, &bytes, chunk);
+    }
+}
+
+fn damaged_length(path: &Path, bytes: &[u8], chunk: usize) {
+    let (whole, _) = read_all(bytes);
+    let (start, _) = offsets(bytes, 6)[chunk];
     // Bytes of the length: beyond the end of the file, absurd, wrong within the file.
     for (n, (at, value)) in [(4, 0xFF), (8, 0x7F), (2, 0x01), (3, 0x40)]
         .into_iter()
         .enumerate()
     {
-        let mut damaged = bytes.clone();
+        let mut damaged = bytes.to_owned();
         damaged[start + at] = value;
-        std::fs::write(&path, &damaged).unwrap();
-        let mended = dir.path().join(format!("{n}.mcap"));
-        let recovery = recover(&path, &mended).unwrap();
+        std::fs::write(path, &damaged).unwrap();
+        let mended = path.with_file_name(format!("{chunk}-{n}.mcap"));
+        let recovery = recover(path, &mended).unwrap();
         assert!(recovery.lossy && !recovery.damage.is_empty(), "{recovery}");
         let (back, errors) = read_all(&std::fs::read(&mended).unwrap());
         assert!(errors.is_empty());

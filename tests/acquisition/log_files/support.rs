@@ -81,12 +81,22 @@ pub fn small_log(path: &Path, n: u32, chunk_bytes: u64, zstd_level: u32) {
     settings.limits.chunk_age_ns = u64::MAX;
     settings.encoding.zstd_level = zstd_level;
     let mut log = FileRecorder::create(path, false, head(), settings).unwrap();
-    for i in 0..n {
-        let t = T0_NS + u64::from(i) * 40_000_000;
-        let pixels = noise(u64::from(i), 64 * 48);
-        log.write(t, &Entry::frame(&frame(i, 64, 48, pixels), u64::from(i)))
-            .unwrap();
-        log.write(t, &Entry::command(&command(i))).unwrap();
+    // Commands, then their frames, as many as fill a chunk: images lie in chunks of their own.
+    let (width_px, height_px) = (64, 48);
+    // A frame with what is said of it, and the index of both.
+    let frame_bytes = u64::from(width_px * height_px) + 512;
+    let fill = (chunk_bytes / frame_bytes).clamp(1, n.into()) as u32;
+    let at = |i: u32| T0_NS + u64::from(i) * 40_000_000;
+    for first in (0..n).step_by(fill as usize) {
+        let few = first..n.min(first + fill);
+        for i in few.clone() {
+            log.write(at(first), &Entry::command(&command(i))).unwrap();
+        }
+        for i in few {
+            let pixels = noise(i.into(), width_px * height_px);
+            let frame = frame(i, width_px, height_px, pixels);
+            log.write(at(i), &Entry::frame(&frame, i.into())).unwrap();
+        }
     }
     log.finish(&SummaryInput::clean("done")).unwrap();
 }
