@@ -194,7 +194,7 @@ fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
     }
 }
 
-/// Surge, sway and yaw at once, so that single thrusters are told apart; the vehicle stays over its target.
+/// Surge, sway and yaw at once, so that single thrusters can be distinguished; the vehicle stays over its target.
 const COUPLED: &str = r#"name = "coupled"
 [[step]]
 for_s = 6.0
