@@ -29,3 +29,12 @@ pub mod survey;
 pub mod table;
 pub mod unit;
 pub mod work;
+
+/// At most so many, evenly over their order.
+fn evenly<T: Clone>(all: Vec<T>, most: usize) -> Vec<T> {
+    let n = all.len();
+    match n > most {
+        true => (0..most).map(|k| all[k * n / most].clone()).collect(),
+        false => all,
+    }
+}

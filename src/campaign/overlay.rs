@@ -1,5 +1,6 @@
 //! Runs of one plan, drawn over each other: what differs between them is seen at once.
 
+use crate::evenly;
 use crate::sheet::{Coefficients, Motion};
 use crate::store::Store;
 use crate::table::{Row, word};
@@ -71,10 +72,7 @@ pub fn overlay(
 ) -> Option<(Figure, String)> {
     let (odd, usual): (Vec<&Drawn>, Vec<&Drawn>) = runs.iter().partition(|r| r.is_outlier);
     let n = usual.len();
-    let kept = match n > RUNS {
-        true => (0..RUNS).map(|k| usual[k * n / RUNS]).collect(),
-        false => usual,
-    };
+    let kept = evenly(usual, RUNS);
     let moved = |run: &&Drawn| Some(((*run).clone(), store.get::<Motion>(&motion_key(&run.key))?));
     let usual: Vec<(Drawn, Motion)> = kept.iter().filter_map(moved).collect();
     let odd: Vec<(Drawn, Motion)> = odd.iter().take(RUNS).filter_map(moved).collect();

@@ -1,6 +1,7 @@
 //! One unit of work done: from its logs and the sheets that it needs to its own sheet.
 
 use crate::change::change;
+use crate::evenly;
 use crate::group::Group;
 use crate::overlay::motion_key;
 use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Motion, RunSheet, SetSheet};
@@ -225,7 +226,7 @@ impl Campaign<'_> {
         }
         let all = kept.len();
         if all > RUNS_MAX {
-            kept = evenly(kept);
+            kept = evenly(kept, RUNS_MAX);
             left.push(format!(
                 "{} more: {RUNS_MAX} runs of {all}, evenly over time, are fitted together",
                 all - RUNS_MAX
@@ -341,7 +342,7 @@ impl Campaign<'_> {
             let load_all = |rig: &Rig, days: &[usize]| -> Result<Vec<Run>, String> {
                 let mut all = Vec::new();
                 let of_days = days.iter().flat_map(|d| &day_runs[*d]).cloned();
-                for (log, path) in &evenly(of_days.collect()) {
+                for (log, path) in &evenly(of_days.collect(), RUNS_MAX) {
                     let mut run = load(path, rig).map_err(|e| e.to_string())?;
                     run.name.clone_from(&self.logs[*log].name);
                     all.push(run);
@@ -363,17 +364,6 @@ impl Campaign<'_> {
             changes.push(found.map_err(|e| format!("{}: {e}", of.days[day].date)));
         }
         Ok(ChangeSheet { changes })
-    }
-}
-
-/// At most [`RUNS_MAX`] of them, evenly over time.
-fn evenly(runs: Vec<(usize, PathBuf)>) -> Vec<(usize, PathBuf)> {
-    let all = runs.len();
-    match all > RUNS_MAX {
-        true => (0..RUNS_MAX)
-            .map(|k| runs[k * all / RUNS_MAX].clone())
-            .collect(),
-        false => runs,
     }
 }
 
