@@ -6,32 +6,36 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use bytes::{Buf, Bytes};
+use bytes::Bytes;
 use hydroline_core::frame::GreyRule;
 use mcap::records::op;
 
 use super::LogError;
 use super::part::MetadataMap;
 use super::reader::{self, LogMessage};
-use super::records::{self, Damage, Declared, LIMIT_BYTES, Located, MessageRecord, PREFIX_BYTES};
-use super::scan::{self, Step};
+use super::records::{self, Damage, Located, MessageRecord};
+use super::scan;
 use super::topic::Topic;
+use contents::Contents;
 
-/// Footer and magic at the end of a file.
-const TAIL_BYTES: u64 = PREFIX_BYTES + 20 + 8;
-/// The checksum of the summary stands at the end of the footer, and is not of itself.
-const CRC_BYTES: usize = 4;
+mod contents;
 
 /// A record that holds messages: a chunk, or a message by itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// Offset of the record in the file.
     offset: u64,
-    /// Messages in it, by channel.
-    messages: BTreeMap<u16, u64>,
+    /// Bytes of the record with its prefix; `None` = not known.
+    bytes: Option<u64>,
+    /// Channels of which it holds messages.
+    channels: Vec<u16>,
+    /// Bytes of the message indexes behind it.
+    index_bytes: u64,
+    /// Messages in it, by channel: what the message indexes say, once they are read.
+    messages: OnceLock<BTreeMap<u16, u64>>,
 }
 
 /// A log of which it is known what lies where. Reading takes no exclusive access: several threads may.
@@ -39,18 +43,8 @@ pub struct Place {
 pub struct IndexedLog {
     path: PathBuf,
     file: File,
-    declared: Declared,
-    metadata: BTreeMap<String, MetadataMap>,
-    places: Vec<Place>,
+    contents: Contents,
     end_missing: Option<LogError>,
-}
-
-/// What a summary, or reading everything, says of a log.
-#[derive(Default)]
-struct Contents {
-    declared: Declared,
-    metadata: BTreeMap<String, MetadataMap>,
-    places: Vec<Place>,
 }
 
 impl IndexedLog {
@@ -67,16 +61,14 @@ impl IndexedLog {
             source,
         })?;
         // A summary that is damaged does not make the messages unreadable.
-        let (contents, end_missing) = match summary(&file) {
+        let (contents, end_missing) = match contents::summary(&file) {
             Ok(Some(contents)) => (contents, None),
-            Ok(None) | Err(_) => scanned(path, scan)?,
+            Ok(None) | Err(_) => contents::scanned(path, scan)?,
         };
         Ok(Self {
             path: path.to_owned(),
             file,
-            declared: contents.declared,
-            metadata: contents.metadata,
-            places: contents.places,
+            contents,
             end_missing,
         })
     }
@@ -93,34 +85,62 @@ impl IndexedLog {
 
     /// Metadata by name: `rig`, `calibration`, `session`, `summary`, where they are there.
     pub fn metadata(&self) -> &BTreeMap<String, MetadataMap> {
-        &self.metadata
+        &self.contents.metadata
     }
 
     /// How grey levels come out of the log's frames, as [`super::LogReader::grey_rule`].
     pub fn grey_rule(&self) -> GreyRule {
-        reader::grey_rule(&self.metadata)
+        reader::grey_rule(&self.contents.metadata)
     }
 
     /// Messages of each topic.
     pub fn counts(&self) -> BTreeMap<&str, u64> {
         let mut counts = BTreeMap::new();
-        for channel in self.declared.channels.values() {
-            let of = |place: &Place| place.messages.get(&channel.id).copied().unwrap_or(0);
-            *counts.entry(channel.topic.as_str()).or_default() +=
-                self.places.iter().map(of).sum::<u64>();
+        for channel in self.contents.declared.channels.values() {
+            let count = self.contents.messages_of(channel.id);
+            *counts.entry(channel.topic.as_str()).or_default() += count;
         }
         counts
     }
 
+    /// Whether all messages of a topic were found that [`IndexedLog::visit`] hands on (those of its own type): the index
+    /// is taken at its word until they are read.
+    ///
+    /// # Errors
+    /// [`LogError::Damaged`] with [`Damage::MessageCount`]: the index and the messages disagree.
+    pub fn all_found(&self, topic: Topic, found: u64) -> Result<(), LogError> {
+        let readable = self.readable_channels(&[topic]);
+        let counts = readable
+            .iter()
+            .map(|(id, _)| self.contents.messages_of(*id));
+        let stated = counts.sum();
+        if stated == found {
+            return Ok(());
+        }
+        let damage = Damage::MessageCount { stated, found };
+        Err(self.damaged((self.contents.stated_at, damage)))
+    }
+
+    /// Channels of these topics whose messages are of the topic's own type.
+    fn readable_channels(&self, topics: &[Topic]) -> Vec<(u16, Topic)> {
+        let declared = &self.contents.declared;
+        let channels = declared.channels.iter().filter_map(|(id, channel)| {
+            let topic = Topic::find(&channel.topic, declared.schema_name(channel))
+                .filter(|t| channel.message_encoding == "protobuf" && topics.contains(t))?;
+            Some((*id, topic))
+        });
+        channels.collect()
+    }
+
     fn is_wanted(&self, channel: u16, topics: &[&str]) -> bool {
-        let channel = self.declared.channels.get(&channel);
+        let channel = self.contents.declared.channels.get(&channel);
         channel.is_some_and(|c| topics.contains(&c.topic.as_str()))
     }
 
     /// Places of messages of these topics, in the file's order.
     pub fn places(&self, topics: &[&str]) -> Vec<&Place> {
-        let holds = |p: &&Place| p.messages.keys().any(|c| self.is_wanted(*c, topics));
-        self.places.iter().filter(holds).collect()
+        let holds = |p: &&Place| p.channels.iter().any(|c| self.is_wanted(*c, topics));
+        self.contents.places.iter().filter(holds).collect()
     }
 
     /// The messages of these topics at a place. A frame comes without what its `/camera/frame` says.
@@ -145,25 +165,15 @@ impl IndexedLog {
         mut each: impl FnMut(Topic, u64, &[u8]) -> Result<(), String>,
     ) -> Result<(), LogError> {
         let offset = place.offset;
-        let damaged = |damage| LogError::Damaged {
-            path: self.path.clone(),
-            offset,
-            damage,
-        };
-        let wanted = self.declared.channels.iter().filter_map(|(id, channel)| {
-            let schema = self.declared.schema_name(channel);
-            let topic = Topic::find(&channel.topic, schema)
-                .filter(|t| channel.message_encoding == "protobuf" && topics.contains(t))?;
-            Some((*id, topic))
-        });
-        let wanted: Vec<(u16, Topic)> = wanted.collect();
+        let damaged = |damage| self.damaged((offset, damage));
+        let wanted = self.readable_channels(topics);
         let hand_on = |id: u16, log_ns: u64, data: &[u8]| {
             let Some((_, topic)) = wanted.iter().find(|(channel, _)| *channel == id) else {
                 return Ok(());
             };
             each(*topic, log_ns, data).map_err(|reason| Stop::Message(*topic, reason))
         };
-        let (opcode, body) = record_at(&self.file, offset).map_err(damaged)?;
+        let (opcode, body) = place.record(&self.file).map_err(damaged)?;
         let visited = if opcode == op::MESSAGE {
             let message = records::message(&body).map_err(damaged)?;
             let mut hand_on = hand_on;
@@ -191,11 +201,11 @@ impl IndexedLog {
     pub fn nth(&self, topic: &str, index: u64) -> Result<Option<LogMessage>, LogError> {
         let mut left = index;
         for place in self.places(&[topic]) {
-            let here = place.messages.iter();
-            let here: u64 = here
-                .filter(|(c, _)| self.is_wanted(**c, &[topic]))
-                .map(|(_, n)| n)
-                .sum();
+            let here = place
+                .messages(&self.file)
+                .map_err(|damage| self.damaged((place.offset, damage)))?;
+            let here = here.iter().filter(|(c, _)| self.is_wanted(**c, &[topic]));
+            let here: u64 = here.map(|(_, n)| n).sum();
             if left < here {
                 let message = self.raw(place, &[topic])?.into_iter().nth(left as usize);
                 return message.map(|m| self.decode(place.offset, m)).transpose();
@@ -206,17 +216,20 @@ impl IndexedLog {
     }
 
     fn raw(&self, place: &Place, topics: &[&str]) -> Result<Vec<MessageRecord>, LogError> {
-        let damaged = |(offset, damage)| LogError::Damaged {
+        self.undecoded(place, topics).map_err(|at| self.damaged(at))
+    }
+
+    fn damaged(&self, (offset, damage): Located) -> LogError {
+        LogError::Damaged {
             path: self.path.clone(),
             offset,
             damage,
-        };
-        self.undecoded(place, topics).map_err(damaged)
+        }
     }
 
     fn undecoded(&self, place: &Place, topics: &[&str]) -> Result<Vec<MessageRecord>, Located> {
         let at = |damage| (place.offset, damage);
-        let (opcode, body) = record_at(&self.file, place.offset).map_err(at)?;
+        let (opcode, body) = place.record(&self.file).map_err(at)?;
         if opcode == op::MESSAGE {
             return Ok(vec![records::message(&body).map_err(at)?]);
         }
@@ -238,13 +251,9 @@ impl IndexedLog {
 
     fn decode(&self, offset: u64, message: MessageRecord) -> Result<LogMessage, LogError> {
         let id = message.channel_id;
-        let channel = self.declared.channels.get(&id);
-        let channel = channel.ok_or_else(|| LogError::Damaged {
-            path: self.path.clone(),
-            offset,
-            damage: Damage::UnknownChannel(id),
-        })?;
-        let schema = self.declared.schema_name(channel);
+        let channel = self.contents.declared.channels.get(&id);
+        let channel = channel.ok_or_else(|| self.damaged((offset, Damage::UnknownChannel(id))))?;
+        let schema = self.contents.declared.schema_name(channel);
         let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
         let record = reader::decode(channel, schema, message, &mut None);
         let record = record.map_err(|reason| LogError::Message {
@@ -276,137 +285,24 @@ impl From<Damage> for Stop {
     }
 }
 
-/// So many bytes from `offset` on.
-fn bytes_at(file: &File, offset: u64, len: u64) -> Result<Bytes, Damage> {
-    if len > LIMIT_BYTES {
-        return Err(Damage::TooLong { opcode: 0, len });
-    }
-    let mut bytes = vec![0; len as usize];
-    file.read_exact_at(&mut bytes, offset)
-        .map_err(|e| Damage::Io(e.to_string()))?;
-    Ok(Bytes::from(bytes))
-}
-
-/// Opcode and body of the record at `offset`.
-fn record_at(file: &File, offset: u64) -> Result<(u8, Bytes), Damage> {
-    let mut prefix = bytes_at(file, offset, PREFIX_BYTES)?;
-    let (opcode, len) = (prefix.get_u8(), prefix.get_u64_le());
-    Ok((opcode, bytes_at(file, offset + PREFIX_BYTES, len)?))
-}
-
-/// What the summary says; `None` = there is none, or not of everything.
-fn summary(file: &File) -> Result<Option<Contents>, Damage> {
-    let file_bytes = file.metadata().map_or(0, |m| m.len());
-    let Some(footer_at) = file_bytes.checked_sub(TAIL_BYTES) else {
-        return Ok(None);
-    };
-    let (opcode, footer) = record_at(file, footer_at)?;
-    let magic = bytes_at(file, file_bytes - mcap::MAGIC.len() as u64, 8)?;
-    if opcode != op::FOOTER || magic != *mcap::MAGIC {
-        return Ok(None);
-    }
-    let start = records::footer_summary_start(&footer)?;
-    let end = footer_at + PREFIX_BYTES + footer.len() as u64;
-    let Some(len) = end.checked_sub(start).filter(|_| start > 0) else {
-        return Ok(None);
-    };
-    let mut section = bytes_at(file, start, len)?;
-    let saved = records::footer_crc(&footer)?;
-    let calculated = crc32fast::hash(&section[..section.len() - CRC_BYTES]);
-    if saved != 0 && saved != calculated {
-        return Err(Damage::SummaryCrc { saved, calculated });
-    }
-    let (mut contents, mut stated) = (Contents::default(), None);
-    while let Some(record) = records::next_inner(&mut section) {
-        let (opcode, body) = record?;
-        match opcode {
-            op::SCHEMA => contents.declared.add_schema(records::schema(&body)?)?,
-            op::CHANNEL => contents.declared.add_channel(records::channel(&body)?)?,
-            op::STATISTICS => stated = Some(records::statistics(&body)?),
-            op::CHUNK_INDEX => {
-                let chunk = records::chunk_index(&body)?;
-                contents.places.push(place(file, &chunk)?);
-            }
-            op::METADATA_INDEX => {
-                let (opcode, body) = record_at(file, records::metadata_index(&body)?)?;
-                if opcode == op::METADATA {
-                    let (name, map) = records::metadata(&body)?;
-                    contents.metadata.insert(name, map);
-                }
-            }
-            _ => {}
+impl Place {
+    /// Opcode and body of the record.
+    fn record(&self, file: &File) -> Result<(u8, Bytes), Damage> {
+        match self.bytes {
+            Some(bytes) => contents::record_of(file, self.offset, bytes),
+            None => contents::record_at(file, self.offset),
         }
     }
-    contents.places.sort_by_key(|p| p.offset);
-    // Messages outside of chunks, or chunks without an index of their messages.
-    let indexed: u64 = contents
-        .places
-        .iter()
-        .flat_map(|p| p.messages.values())
-        .sum();
-    Ok(stated
-        .is_some_and(|s| s.messages == indexed)
-        .then_some(contents))
+
+    /// Messages by channel.
+    fn messages(&self, file: &File) -> Result<&BTreeMap<u16, u64>, Damage> {
+        if let Some(messages) = self.messages.get() {
+            return Ok(messages);
+        }
+        let messages = contents::indexed_messages(file, self)?;
+        Ok(self.messages.get_or_init(|| messages))
+    }
 }
 
-/// A chunk with what the indexes behind it say.
-fn place(file: &File, chunk: &records::ChunkIndexRecord) -> Result<Place, Damage> {
-    let behind = chunk.chunk_offset.saturating_add(chunk.chunk_bytes);
-    let mut indexes = bytes_at(file, behind, chunk.message_index_bytes)?;
-    let mut messages = BTreeMap::new();
-    while let Some(record) = records::next_inner(&mut indexes) {
-        let (opcode, body) = record?;
-        if opcode == op::MESSAGE_INDEX {
-            let (channel, count) = records::message_index(&body)?;
-            if count > 0 {
-                messages.insert(channel, count);
-            }
-        }
-    }
-    Ok(Place {
-        offset: chunk.chunk_offset,
-        messages,
-    })
-}
-
-/// The same by reading everything, and what is missing at the end.
-fn scanned(
-    path: &Path,
-    mut scan: scan::FileScan,
-) -> Result<(Contents, Option<LogError>), LogError> {
-    let mut places: Vec<Place> = Vec::new();
-    let mut end_missing = None;
-    while let Some(step) = scan.next() {
-        match step {
-            Step::Message {
-                offset, channel, ..
-            } => {
-                if places.last().is_none_or(|p| p.offset != offset) {
-                    let messages = BTreeMap::new();
-                    places.push(Place { offset, messages });
-                }
-                if let Some(place) = places.last_mut() {
-                    *place.messages.entry(channel.id).or_default() += 1;
-                }
-            }
-            Step::Damage { offset, damage } => {
-                let error = LogError::Damaged {
-                    path: path.to_owned(),
-                    offset,
-                    damage,
-                };
-                if !error.is_missing_end() {
-                    return Err(error);
-                }
-                end_missing = Some(error);
-            }
-            Step::Truncated { .. } | Step::Metadata { .. } => {}
-        }
-    }
-    let contents = Contents {
-        declared: scan.learnt.declared,
-        metadata: scan.learnt.metadata,
-        places,
-    };
-    Ok((contents, end_missing))
-}
+#[cfg(test)]
+mod tests;

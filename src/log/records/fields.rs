@@ -49,6 +49,19 @@ impl Fields {
             field,
         })
     }
+    /// A map of channels to counts or offsets.
+    fn by_channel(&mut self, field: &'static str) -> Result<BTreeMap<u16, u64>, Damage> {
+        let mut inner = Fields {
+            bytes: self.blob(field)?,
+            opcode: self.opcode,
+        };
+        let mut map = BTreeMap::new();
+        while inner.bytes.has_remaining() {
+            let channel = inner.u16(field)?;
+            map.insert(channel, inner.u64(field)?);
+        }
+        Ok(map)
+    }
     fn map(&mut self, field: &'static str) -> Result<MetadataMap, Damage> {
         let mut inner = Fields {
             bytes: self.blob(field)?,
@@ -110,6 +123,15 @@ pub(crate) struct ChunkRecord {
 pub(crate) struct StatisticsRecord {
     pub messages: u64,
     pub chunks: u32,
+}
+
+/// Messages of each channel, by a statistics record.
+pub(crate) fn channel_counts(body: &Bytes) -> Result<BTreeMap<u16, u64>, Damage> {
+    let (mut f, _) = statistics_fields(body)?;
+    for field in ["message start time", "message end time"] {
+        f.u64(field)?;
+    }
+    f.by_channel("channel message counts")
 }
 
 fn fields(opcode: u8, body: &Bytes) -> Fields {
@@ -178,16 +200,19 @@ pub(crate) fn message(body: &Bytes) -> Result<MessageRecord, Damage> {
 }
 
 pub(crate) fn statistics(body: &Bytes) -> Result<StatisticsRecord, Damage> {
+    statistics_fields(body).map(|(_, record)| record)
+}
+
+/// The counts of the whole file, and the fields behind them.
+fn statistics_fields(body: &Bytes) -> Result<(Fields, StatisticsRecord), Damage> {
     let mut f = fields(op::STATISTICS, body);
     let messages = f.u64("message count")?;
     let _schemas = f.u16("schema count")?;
     for field in ["channel count", "attachment count", "metadata count"] {
         f.u32(field)?;
     }
-    Ok(StatisticsRecord {
-        messages,
-        chunks: f.u32("chunk count")?,
-    })
+    let chunks = f.u32("chunk count")?;
+    Ok((f, StatisticsRecord { messages, chunks }))
 }
 
 pub(crate) fn data_end(body: &Bytes) -> Result<u32, Damage> {
@@ -207,11 +232,13 @@ pub(crate) fn footer_summary_start(body: &Bytes) -> Result<u64, Damage> {
 }
 
 /// What the summary says of a chunk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChunkIndexRecord {
     pub chunk_offset: u64,
     pub chunk_bytes: u64,
-    /// Of the message indexes, which stand behind the chunk.
+    /// Where the message index of each channel stands in the file: behind the chunk.
+    pub message_indexes: BTreeMap<u16, u64>,
+    /// Of all message indexes.
     pub message_index_bytes: u64,
 }
 
@@ -219,10 +246,11 @@ pub(crate) fn chunk_index(body: &Bytes) -> Result<ChunkIndexRecord, Damage> {
     let mut f = fields(op::CHUNK_INDEX, body);
     let (_start_ns, _end_ns) = (f.u64("start time")?, f.u64("end time")?);
     let (chunk_offset, chunk_bytes) = (f.u64("chunk offset")?, f.u64("chunk length")?);
-    f.blob("message index offsets")?;
+    let message_indexes = f.by_channel("message index offsets")?;
     Ok(ChunkIndexRecord {
         chunk_offset,
         chunk_bytes,
+        message_indexes,
         message_index_bytes: f.u64("message index length")?,
     })
 }

@@ -71,7 +71,12 @@ fn tables(log: &IndexedLog, kinds: &[Kind], token: &Token) -> Result<Vec<RecordB
         let parts = parts.iter_mut().map(|part| std::mem::take(&mut part[k]));
         joined(parts.collect()).map_err(Failure::Table)
     };
-    (0..kinds.len()).map(of).collect()
+    let tables: Vec<RecordBatch> = (0..kinds.len()).map(of).collect::<Result<_, _>>()?;
+    for (kind, table) in kinds.iter().zip(&tables) {
+        let found = table.num_rows() as u64;
+        log.all_found(kind.topic(), found).map_err(Failure::Log)?;
+    }
+    Ok(tables)
 }
 
 impl Log {

@@ -1,0 +1,268 @@
+//! Where the messages of a log lie: by its summary, or by reading everything.
+//!
+//! A summary counts only if nothing that it does not name can hold messages: what lies between the chunks that it names
+//! is looked at, record by record.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use bytes::{Buf, Bytes};
+use mcap::records::op;
+
+use super::Place;
+use crate::LogError;
+use crate::part::MetadataMap;
+use crate::records::{self, Damage, Declared, LIMIT_BYTES, PREFIX_BYTES};
+use crate::scan::{self, Step};
+
+/// Footer and magic at the end of a file.
+const TAIL_BYTES: u64 = PREFIX_BYTES + 20 + 8;
+/// The checksum of the summary stands at the end of the footer, and is not of itself.
+const CRC_BYTES: usize = 4;
+
+/// What a summary, or reading everything, says of a log.
+#[derive(Debug, Default)]
+pub(super) struct Contents {
+    pub declared: Declared,
+    pub metadata: BTreeMap<String, MetadataMap>,
+    pub places: Vec<Place>,
+    /// Messages of each channel.
+    messages: BTreeMap<u16, u64>,
+    /// Offset of the summary that says so; 0 = they were counted.
+    pub stated_at: u64,
+}
+
+impl Contents {
+    /// Messages of a channel.
+    pub fn messages_of(&self, channel: u16) -> u64 {
+        self.messages.get(&channel).copied().unwrap_or(0)
+    }
+}
+
+/// So many bytes from `offset` on.
+fn bytes_at(file: &File, offset: u64, len: u64) -> Result<Bytes, Damage> {
+    if len > LIMIT_BYTES {
+        return Err(Damage::TooLong { opcode: 0, len });
+    }
+    let mut bytes = vec![0; len as usize];
+    file.read_exact_at(&mut bytes, offset)
+        .map_err(|e| Damage::Io(e.to_string()))?;
+    Ok(Bytes::from(bytes))
+}
+
+/// Opcode and length of the record at `offset`.
+fn prefix_at(file: &File, offset: u64) -> Result<(u8, u64), Damage> {
+    let mut prefix = bytes_at(file, offset, PREFIX_BYTES)?;
+    Ok((prefix.get_u8(), prefix.get_u64_le()))
+}
+
+/// Opcode and body of the record at `offset`.
+pub(super) fn record_at(file: &File, offset: u64) -> Result<(u8, Bytes), Damage> {
+    let (opcode, len) = prefix_at(file, offset)?;
+    Ok((opcode, bytes_at(file, offset + PREFIX_BYTES, len)?))
+}
+
+/// The same where its length is known, in one read.
+pub(super) fn record_of(file: &File, offset: u64, bytes: u64) -> Result<(u8, Bytes), Damage> {
+    let mut record = bytes_at(file, offset, bytes.max(PREFIX_BYTES))?;
+    let (opcode, len) = (record.get_u8(), record.get_u64_le());
+    match len == record.len() as u64 {
+        true => Ok((opcode, record)),
+        // Its own length holds: the summary's is of another record.
+        false => record_at(file, offset),
+    }
+}
+
+/// What the message indexes behind a chunk say.
+pub(super) fn indexed_messages(file: &File, place: &Place) -> Result<BTreeMap<u16, u64>, Damage> {
+    let behind = place.offset.saturating_add(place.bytes.unwrap_or(0));
+    let mut indexes = bytes_at(file, behind, place.index_bytes)?;
+    let mut messages = BTreeMap::new();
+    while let Some(record) = records::next_inner(&mut indexes) {
+        let (opcode, body) = record?;
+        if opcode == op::MESSAGE_INDEX {
+            let (channel, count) = records::message_index(&body)?;
+            messages.insert(channel, count);
+        }
+    }
+    Ok(messages)
+}
+
+/// What the summary says; `None` = there is none, or not of everything.
+pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
+    let file_bytes = file.metadata().map_or(0, |m| m.len());
+    let Some(footer_at) = file_bytes.checked_sub(TAIL_BYTES) else {
+        return Ok(None);
+    };
+    let (opcode, footer) = record_at(file, footer_at)?;
+    let magic = bytes_at(file, file_bytes - mcap::MAGIC.len() as u64, 8)?;
+    if opcode != op::FOOTER || magic != *mcap::MAGIC {
+        return Ok(None);
+    }
+    let start = records::footer_summary_start(&footer)?;
+    let end = footer_at + PREFIX_BYTES + footer.len() as u64;
+    let Some(len) = end.checked_sub(start).filter(|_| start > 0) else {
+        return Ok(None);
+    };
+    let mut section = bytes_at(file, start, len)?;
+    let saved = records::footer_crc(&footer)?;
+    let calculated = crc32fast::hash(&section[..section.len() - CRC_BYTES]);
+    if saved != 0 && saved != calculated {
+        return Err(Damage::SummaryCrc { saved, calculated });
+    }
+    let (mut contents, mut stated) = (Contents::default(), None);
+    let mut chunks = Vec::new();
+    while let Some(record) = records::next_inner(&mut section) {
+        let (opcode, body) = record?;
+        match opcode {
+            op::SCHEMA => contents.declared.add_schema(records::schema(&body)?)?,
+            op::CHANNEL => contents.declared.add_channel(records::channel(&body)?)?,
+            op::STATISTICS => {
+                stated = Some(records::statistics(&body)?);
+                contents.messages = records::channel_counts(&body)?;
+                contents.stated_at = start;
+            }
+            op::CHUNK_INDEX => chunks.push(records::chunk_index(&body)?),
+            op::METADATA_INDEX => {
+                let (opcode, body) = record_at(file, records::metadata_index(&body)?)?;
+                if opcode == op::METADATA {
+                    let (name, map) = records::metadata(&body)?;
+                    contents.metadata.insert(name, map);
+                }
+            }
+            _ => {}
+        }
+    }
+    chunks.sort_by_key(|c| c.chunk_offset);
+    let counted: u64 = contents.messages.values().sum();
+    if stated.is_none_or(|s| s.messages != counted) || !names_all(file, &chunks, start)? {
+        return Ok(None);
+    }
+    let with_messages = contents.messages.iter().filter(|(_, n)| **n > 0);
+    let with_messages: BTreeSet<u16> = with_messages.map(|(channel, _)| *channel).collect();
+    let indexed: BTreeSet<u16> = (chunks.iter())
+        .flat_map(|c| c.message_indexes.keys().copied())
+        .collect();
+    let declared = |id: &u16| {
+        let channel = contents.declared.channels.get(id);
+        let schemas = &contents.declared.schemas;
+        channel.is_some_and(|c| c.schema_id == 0 || schemas.contains_key(&c.schema_id))
+    };
+    if !with_messages.is_subset(&indexed) || !with_messages.iter().all(declared) {
+        return Ok(None);
+    }
+    contents.places = chunks.into_iter().map(place).collect();
+    Ok(Some(contents))
+}
+
+fn place(chunk: records::ChunkIndexRecord) -> Place {
+    Place {
+        offset: chunk.chunk_offset,
+        bytes: Some(chunk.chunk_bytes),
+        channels: chunk.message_indexes.into_keys().collect(),
+        index_bytes: chunk.message_index_bytes,
+        messages: Default::default(),
+    }
+}
+
+/// Whether the messages of the data section, which ends at `end`, are all in these chunks and their indexes name them.
+fn names_all(file: &File, chunks: &[records::ChunkIndexRecord], end: u64) -> Result<bool, Damage> {
+    let mut at = mcap::MAGIC.len() as u64;
+    for chunk in chunks {
+        let behind = chunk.chunk_offset.saturating_add(chunk.chunk_bytes);
+        let first_index = chunk.message_indexes.values().min();
+        let named = match first_index {
+            Some(first) => *first == behind,
+            // No message, or no index of them.
+            None => holds_none(file, chunk)?,
+        };
+        if !named || !between(file, at, chunk.chunk_offset)? {
+            return Ok(false);
+        }
+        at = behind.saturating_add(chunk.message_index_bytes);
+    }
+    between(file, at, end)
+}
+
+/// Whether a chunk is without messages.
+fn holds_none(file: &File, chunk: &records::ChunkIndexRecord) -> Result<bool, Damage> {
+    let (opcode, body) = record_of(file, chunk.chunk_offset, chunk.chunk_bytes)?;
+    if opcode != op::CHUNK {
+        return Ok(false);
+    }
+    let mut content = records::chunk(&body, false)?.open()?;
+    while let Some(record) = records::next_inner(&mut content) {
+        if record?.0 == op::MESSAGE {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Whether the records from `at` to `end` hold no message.
+fn between(file: &File, mut at: u64, end: u64) -> Result<bool, Damage> {
+    while at < end {
+        let (opcode, len) = prefix_at(file, at)?;
+        if matches!(opcode, op::MESSAGE | op::CHUNK) {
+            return Ok(false);
+        }
+        at = at.saturating_add(PREFIX_BYTES).saturating_add(len);
+    }
+    Ok(at == end)
+}
+
+/// The same by reading everything, and what is missing at the end.
+pub(super) fn scanned(
+    path: &Path,
+    mut scan: scan::FileScan,
+) -> Result<(Contents, Option<LogError>), LogError> {
+    let mut counted: Vec<(u64, BTreeMap<u16, u64>)> = Vec::new();
+    let mut end_missing = None;
+    while let Some(step) = scan.next() {
+        match step {
+            Step::Message {
+                offset, channel, ..
+            } => {
+                if counted.last().is_none_or(|(last, _)| *last != offset) {
+                    counted.push((offset, BTreeMap::new()));
+                }
+                if let Some((_, messages)) = counted.last_mut() {
+                    *messages.entry(channel.id).or_default() += 1;
+                }
+            }
+            Step::Damage { offset, damage } => {
+                let error = LogError::Damaged {
+                    path: path.to_owned(),
+                    offset,
+                    damage,
+                };
+                if !error.is_missing_end() {
+                    return Err(error);
+                }
+                end_missing = Some(error);
+            }
+            Step::Truncated { .. } | Step::Metadata { .. } => {}
+        }
+    }
+    let mut messages: BTreeMap<u16, u64> = BTreeMap::new();
+    for (channel, n) in counted.iter().flat_map(|(_, counts)| counts) {
+        *messages.entry(*channel).or_default() += n;
+    }
+    let places = counted.into_iter().map(|(offset, messages)| Place {
+        offset,
+        bytes: None,
+        channels: messages.keys().copied().collect(),
+        index_bytes: 0,
+        messages: messages.into(),
+    });
+    let contents = Contents {
+        declared: scan.learnt.declared,
+        metadata: scan.learnt.metadata,
+        places: places.collect(),
+        messages,
+        stated_at: 0,
+    };
+    Ok((contents, end_missing))
+}
