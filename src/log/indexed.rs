@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 
 use bytes::Bytes;
 use hydroline_core::frame::GreyRule;
+use hydroline_numerics::cancel;
 use mcap::records::op;
 
 use super::LogError;
@@ -153,20 +154,34 @@ impl IndexedLog {
         each.collect()
     }
 
-    /// Hands on the messages of these topics at a place as they lie there, undecoded: topic, time of logging, bytes. Faster
-    /// than [`IndexedLog::messages`] where there are many; a message of another type on the topic is left out.
+    /// Hands on the messages of these topics at these places as they lie there, undecoded: topic, time of logging, bytes.
+    /// Faster than [`IndexedLog::messages`] where there are many; a message of another type on the topic is left out. A
+    /// computation that is cancelled ends here.
     ///
     /// # Errors
     /// As [`IndexedLog::messages`]; words of `each` become a [`LogError::Message`].
     pub fn visit(
         &self,
-        place: &Place,
+        places: &[&Place],
         topics: &[Topic],
+        mut each: impl FnMut(Topic, u64, &[u8]) -> Result<(), String>,
+    ) -> Result<(), LogError> {
+        let wanted = self.readable_channels(topics);
+        for place in places {
+            cancel::check();
+            self.visit_place(place, &wanted, &mut each)?;
+        }
+        Ok(())
+    }
+
+    fn visit_place(
+        &self,
+        place: &Place,
+        wanted: &[(u16, Topic)],
         mut each: impl FnMut(Topic, u64, &[u8]) -> Result<(), String>,
     ) -> Result<(), LogError> {
         let offset = place.offset;
         let damaged = |damage| self.damaged((offset, damage));
-        let wanted = self.readable_channels(topics);
         let hand_on = |id: u16, log_ns: u64, data: &[u8]| {
             let Some((_, topic)) = wanted.iter().find(|(channel, _)| *channel == id) else {
                 return Ok(());

@@ -160,14 +160,13 @@ fn a_visit_finds_what_the_index_says_without_an_image() {
     let topics = [Topic::Command, Topic::Motion];
     let visited = |log: &IndexedLog| {
         let (mut numbers, mut decoded) = (Vec::new(), pb::ThrusterCommand::default());
-        for place in log.places(&topics.map(Topic::name)) {
-            log.visit(place, &topics, |topic, log_ns, data| {
-                assert_eq!(topic, Topic::Command);
-                decoded.decode_over(data)?;
-                numbers.push((log_ns, decoded.clone()));
-                Ok(())
-            })?;
-        }
+        let places = log.places(&topics.map(Topic::name));
+        log.visit(&places, &topics, |topic, log_ns, data| {
+            assert_eq!(topic, Topic::Command);
+            decoded.decode_over(data)?;
+            numbers.push((log_ns, decoded.clone()));
+            Ok(())
+        })?;
         Ok::<_, crate::LogError>(numbers)
     };
     let found = visited(&log).unwrap();
@@ -182,7 +181,7 @@ fn a_visit_finds_what_the_index_says_without_an_image() {
     assert_eq!(found.len(), 60);
     // Words of the visitor come with the place.
     let place = log.places(&[Topic::Command.name()])[0];
-    let refused = log.visit(place, &topics, |_, _, _| Err("no".to_owned()));
+    let refused = log.visit(&[place], &topics, |_, _, _| Err("no".to_owned()));
     assert!(
         refused
             .unwrap_err()

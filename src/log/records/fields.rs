@@ -1,5 +1,6 @@
 //! The content of records, each field only as long as the bytes that are there.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::Read;
 
@@ -8,6 +9,11 @@ use mcap::records::op;
 
 use super::{Damage, EXPANSION_MAX, LIMIT_BYTES, PREFIX_BYTES};
 use crate::part::MetadataMap;
+
+thread_local! {
+    /// Of this thread: to make one takes longer than to unpack a small chunk.
+    static DECOMPRESSOR: RefCell<Option<zstd::bulk::Decompressor<'static>>> = const { RefCell::new(None) };
+}
 
 /// Fields of a record, each only as long as the bytes that are there.
 struct Fields {
@@ -340,9 +346,16 @@ impl ChunkRecord {
         }
         let mut out = Vec::with_capacity(declared as usize);
         // Without a window of its own: it unpacks into the buffer, which is all that it can fill.
-        let mut decompressor = zstd::bulk::Decompressor::new().ok()?;
-        let got = decompressor.decompress_to_buffer(&self.content[..], &mut out);
-        (got.ok()? as u64 == declared).then(|| Bytes::from(out))
+        let got = DECOMPRESSOR.with_borrow_mut(|kept| {
+            if kept.is_none() {
+                *kept = zstd::bulk::Decompressor::new().ok();
+            }
+            let decompressor = kept.as_mut()?;
+            decompressor
+                .decompress_to_buffer(&self.content[..], &mut out)
+                .ok()
+        });
+        (got? as u64 == declared).then(|| Bytes::from(out))
     }
 
     /// As much of the content as can be had, unchecked, and what stopped it.

@@ -10,7 +10,7 @@ use crate::table::Table;
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::ArrowError;
 use hydroline_log::{IndexedLog, LogError, Place, Topic};
-use hydroline_numerics::cancel::{self, Token};
+use hydroline_numerics::cancel::Token;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -42,14 +42,11 @@ fn part(
 ) -> Result<Vec<Vec<(&'static str, ArrayRef)>>, LogError> {
     let topics: Vec<Topic> = kinds.iter().map(|k| k.topic()).collect();
     let mut tables: Vec<Box<dyn Columns>> = kinds.iter().map(|k| k.table()).collect();
-    for place in places {
-        cancel::check();
-        log.visit(place, &topics, |topic, log_ns, data| {
-            let mut tables = topics.iter().zip(&mut tables);
-            let table = tables.find(|(of, _)| **of == topic);
-            table.map_or(Ok(()), |(_, table)| table.push(log_ns, data))
-        })?;
-    }
+    log.visit(places, &topics, |topic, log_ns, data| {
+        let mut tables = topics.iter().zip(&mut tables);
+        let table = tables.find(|(of, _)| **of == topic);
+        table.map_or(Ok(()), |(_, table)| table.push(log_ns, data))
+    })?;
     Ok(tables.iter_mut().map(|table| table.finish()).collect())
 }
 
