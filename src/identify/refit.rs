@@ -18,7 +18,7 @@ use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 
 /// A step that brings less than this of half the sum of squares is the last: a hundredth of what one standard deviation costs.
-const ENOUGH: f64 = 0.005;
+pub(crate) const ENOUGH: f64 = 0.005;
 
 /// What the runs give under a rig.
 #[derive(Debug, Clone, PartialEq)]
