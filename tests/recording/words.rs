@@ -41,25 +41,29 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Hits of a pattern in a text: line from 1, and the line.
-fn hits(pattern: &Regex, keep: &[String], text: &str) -> Vec<(usize, String)> {
-    let clean = |line: &str| {
-        let kept = keep.iter().fold(line.to_owned(), |l, k| l.replace(k, ""));
-        // An underscore parts the words of a name, and the case of a letter those of a type's.
-        let mut words = String::new();
-        for c in kept.chars() {
-            if c.is_uppercase() && words.ends_with(|b: char| b.is_lowercase()) {
-                words.push(' ');
-            }
-            words.push(if c == '_' { ' ' } else { c });
+/// A text without the names that stay, its names parted into their words; its lines are as many.
+fn parted(keep: &[String], text: &str) -> String {
+    let kept = keep.iter().fold(text.to_owned(), |t, k| t.replace(k, ""));
+    // An underscore parts the words of a name, and the case of a letter those of a type's.
+    let (mut words, mut before) = (String::with_capacity(kept.len()), ' ');
+    for c in kept.chars() {
+        if c.is_uppercase() && before.is_lowercase() {
+            words.push(' ');
         }
-        words
-    };
-    let lines = text.lines().enumerate();
-    lines
-        .filter(|(_, line)| pattern.is_match(&clean(line)))
-        .map(|(k, line)| (k + 1, line.trim().to_owned()))
-        .collect()
+        words.push(if c == '_' { ' ' } else { c });
+        before = c;
+    }
+    words
+}
+
+/// Hits of a pattern in a text that was parted: lines from 1.
+fn hits(pattern: &Regex, parted: &str) -> Vec<usize> {
+    if !pattern.is_match(parted) {
+        return Vec::new();
+    }
+    let lines = parted.lines().enumerate();
+    let found = lines.filter(|(_, line)| pattern.is_match(line));
+    found.map(|(k, _)| k + 1).collect()
 }
 
 fn compiled(word: &Word) -> Regex {
@@ -81,15 +85,17 @@ fn only_the_fields_words_are_used() {
         "only {} files: is this the clone?",
         all.len()
     );
-    let texts: Vec<(&PathBuf, String)> = all
-        .iter()
-        .map(|f| (f, std::fs::read_to_string(f).unwrap()))
-        .collect();
+    let texts = all.iter().map(|f| {
+        let text = std::fs::read_to_string(f).unwrap();
+        (f, parted(&keep, &text), text)
+    });
+    let texts: Vec<(&PathBuf, String, String)> = texts.collect();
     let mut wrong = Vec::new();
     for word in &list {
         let pattern = compiled(word);
-        for (file, text) in &texts {
-            for (line, words) in hits(&pattern, &keep, text) {
+        for (file, parted, text) in &texts {
+            for line in hits(&pattern, parted) {
+                let words = text.lines().nth(line - 1).unwrap_or_default().trim();
                 let file = file.strip_prefix(root).unwrap_or(file).display();
                 wrong.push(format!(
                     "{file}:{line}: {words}\n    write: {}",
@@ -118,7 +124,8 @@ fn a_word_is_found_in_names_and_sentences_and_a_kept_name_is_not() {
         pattern: "blind[ _]spots?".to_owned(),
         instead: String::new(),
     };
-    let found = |text: &str| !hits(&compiled(&word), &["blind_spots".to_owned()], text).is_empty();
+    let keep = ["blind_spots".to_owned()];
+    let found = |text: &str| !hits(&compiled(&word), &parted(&keep, text)).is_empty();
     assert!(found("a Blind spot of it"));
     assert!(found("fn the_blind_spot_is_named() {"));
     assert!(found("struct BlindSpot {"));
