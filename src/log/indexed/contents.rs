@@ -136,8 +136,9 @@ pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
         }
     }
     chunks.sort_by_key(|c| c.chunk_offset);
-    let counted: u64 = contents.messages.values().sum();
-    if stated.is_none_or(|s| s.messages != counted) || !names_all(file, &chunks, start)? {
+    let mut counts = contents.messages.values();
+    let counted = counts.try_fold(0u64, |sum, n| sum.checked_add(*n));
+    if stated.is_none_or(|s| Some(s.messages) != counted) || !names_all(file, &chunks, start)? {
         return Ok(None);
     }
     let with_messages = contents.messages.iter().filter(|(_, n)| **n > 0);

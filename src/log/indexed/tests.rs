@@ -100,8 +100,8 @@ fn what_a_summary_leaves_out_costs_no_message() {
     }
 }
 
-/// A record without its checksums, found by its opcode from the end.
-fn last_record(bytes: &[u8], opcode: u8, from: usize) -> usize {
+/// Where the first record of an opcode stands, from the record at `from` on.
+fn record_from(bytes: &[u8], opcode: u8, from: usize) -> usize {
     let mut at = from;
     loop {
         let len = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
@@ -132,7 +132,7 @@ fn with_a_loose_message(counted: bool) -> Vec<u8> {
     record.extend((body.len() as u64).to_le_bytes());
     record.extend(body);
     if counted {
-        let statistics = last_record(&bytes, op::STATISTICS, start as usize) + 9;
+        let statistics = record_from(&bytes, op::STATISTICS, start as usize) + 9;
         let mut raise = |at: usize| {
             let n = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
             bytes[at..at + 8].copy_from_slice(&(n + 1).to_le_bytes());
@@ -172,7 +172,13 @@ fn statistics_that_disagree_with_the_messages_are_noticed() {
     let mut bytes = written(WriteOptions::new().calculate_summary_section_crc(false));
     let footer = bytes.len() - 8 - 29;
     let start = u64::from_le_bytes(bytes[footer + 9..footer + 17].try_into().unwrap());
-    let statistics = last_record(&bytes, op::STATISTICS, start as usize) + 9;
+    let statistics = record_from(&bytes, op::STATISTICS, start as usize) + 9;
+    // A sum that does not fit is none: the log is read through.
+    let mut hostile = bytes.clone();
+    hostile[statistics + 46 + 2..statistics + 46 + 10].fill(0xff);
+    std::fs::write(&path, &hostile).unwrap();
+    let log = IndexedLog::open(&path).unwrap();
+    assert_eq!(log.counts()[TOPIC], u64::from(MESSAGES));
     // One command more, one message of the other channel less: the sum holds.
     bytes[statistics + 46 + 2] += 1;
     bytes[statistics + 46 + 12] -= 1;
