@@ -52,7 +52,7 @@ impl IndexedLog {
     /// Opens a log and reads its index, or the whole of it where there is none.
     ///
     /// # Errors
-    /// [`LogError::Read`], [`LogError::NotMcap`], [`LogError::Empty`]; without an index also damage. A missing end
+    /// [`LogError::Read`], [`LogError::NotMcap`], [`LogError::Empty`]; without a sound index also damage. A missing end
     /// is none: [`IndexedLog::end_missing`].
     pub fn open(path: &Path) -> Result<Self, LogError> {
         // Says what is wrong with a file that is no log.
@@ -212,7 +212,7 @@ impl IndexedLog {
     /// Message `index` of a topic, from 0 in the file's order; `None` = there are not so many.
     ///
     /// # Errors
-    /// As [`IndexedLog::messages`].
+    /// As [`IndexedLog::messages`]; [`Damage::MessageCount`] where the log states that many and they are not there.
     pub fn nth(&self, topic: &str, index: u64) -> Result<Option<LogMessage>, LogError> {
         let mut left = index;
         for place in self.places(&[topic]) {
@@ -226,6 +226,12 @@ impl IndexedLog {
                 return message.map(|m| self.decode(place.offset, m)).transpose();
             }
             left -= here;
+        }
+        let stated = self.counts().get(topic).copied().unwrap_or(0);
+        if index < stated {
+            let found = index - left;
+            let damage = Damage::MessageCount { stated, found };
+            return Err(self.damaged((self.contents.stated_at, damage)));
         }
         Ok(None)
     }

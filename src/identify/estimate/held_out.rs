@@ -16,7 +16,7 @@ pub(super) type Make<'a> =
     dyn Fn(&[Run], &[Coefficient]) -> Result<Box<dyn Forward>, IdentifyError> + 'a;
 
 /// Each run predicted with coefficients fitted to the others; only its own start is fitted to it. No fit is searched to its last
-/// digit: where the model does not fit that takes many times as long, and changes no prediction by a share of its noise that counts.
+/// digit: where the model does not fit that takes many times as long, and changes a prediction by little beside its misfit.
 pub(super) fn cross_validate(
     runs: &[Run],
     full: &Identification,

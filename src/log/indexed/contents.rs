@@ -9,6 +9,7 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 
 use bytes::{Buf, Bytes};
+use hydroline_numerics::cancel;
 use mcap::records::op;
 
 use super::Place;
@@ -66,6 +67,10 @@ pub(super) fn record_at(file: &File, offset: u64) -> Result<(u8, Bytes), Damage>
 
 /// The same where its length is known, in one read.
 pub(super) fn record_of(file: &File, offset: u64, bytes: u64) -> Result<(u8, Bytes), Damage> {
+    // The limit is that of a body.
+    if bytes > LIMIT_BYTES {
+        return record_at(file, offset);
+    }
     let mut record = bytes_at(file, offset, bytes.max(PREFIX_BYTES))?;
     let (opcode, len) = (record.get_u8(), record.get_u64_le());
     match len == record.len() as u64 {
@@ -103,7 +108,10 @@ pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
     }
     let start = records::footer_summary_start(&footer)?;
     let end = footer_at + PREFIX_BYTES + footer.len() as u64;
-    let Some(len) = end.checked_sub(start).filter(|_| start > 0) else {
+    let Some(len) = end
+        .checked_sub(start)
+        .filter(|_| start > 0 && start <= footer_at)
+    else {
         return Ok(None);
     };
     let mut section = bytes_at(file, start, len)?;
@@ -124,6 +132,8 @@ pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
                 contents.messages = records::channel_counts(&body)?;
                 contents.stated_at = start;
             }
+            // The summary begins behind the data, not within it.
+            op::CHUNK | op::MESSAGE | op::DATA_END => return Ok(None),
             op::CHUNK_INDEX => chunks.push(records::chunk_index(&body)?),
             op::METADATA_INDEX => {
                 let (opcode, body) = record_at(file, records::metadata_index(&body)?)?;
@@ -138,7 +148,10 @@ pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
     chunks.sort_by_key(|c| c.chunk_offset);
     let mut counts = contents.messages.values();
     let counted = counts.try_fold(0u64, |sum, n| sum.checked_add(*n));
-    if stated.is_none_or(|s| Some(s.messages) != counted) || !names_all(file, &chunks, start)? {
+    let agrees = |s: records::StatisticsRecord| {
+        Some(s.messages) == counted && u64::from(s.chunks) == chunks.len() as u64
+    };
+    if !stated.is_some_and(agrees) || !names_all(file, &chunks, start)? {
         return Ok(None);
     }
     let with_messages = contents.messages.iter().filter(|(_, n)| **n > 0);
@@ -172,17 +185,19 @@ fn place(chunk: records::ChunkIndexRecord) -> Place {
 fn names_all(file: &File, chunks: &[records::ChunkIndexRecord], end: u64) -> Result<bool, Damage> {
     let mut at = mcap::MAGIC.len() as u64;
     for chunk in chunks {
+        cancel::check();
         let behind = chunk.chunk_offset.saturating_add(chunk.chunk_bytes);
-        let first_index = chunk.message_indexes.values().min();
-        let named = match first_index {
-            Some(first) => *first == behind,
+        let end = behind.saturating_add(chunk.message_index_bytes);
+        let indexes = &chunk.message_indexes;
+        let named = match (indexes.values().min(), indexes.values().max()) {
+            (Some(first), Some(last)) => *first == behind && *last < end,
             // No message, or no index of them.
-            None => holds_none(file, chunk)?,
+            _ => holds_none(file, chunk)?,
         };
         if !named || !between(file, at, chunk.chunk_offset)? {
             return Ok(false);
         }
-        at = behind.saturating_add(chunk.message_index_bytes);
+        at = end;
     }
     between(file, at, end)
 }
@@ -190,7 +205,7 @@ fn names_all(file: &File, chunks: &[records::ChunkIndexRecord], end: u64) -> Res
 /// Whether a chunk is without messages.
 fn holds_none(file: &File, chunk: &records::ChunkIndexRecord) -> Result<bool, Damage> {
     let (opcode, body) = record_of(file, chunk.chunk_offset, chunk.chunk_bytes)?;
-    if opcode != op::CHUNK {
+    if opcode != op::CHUNK || body.len() as u64 + PREFIX_BYTES != chunk.chunk_bytes {
         return Ok(false);
     }
     let mut content = records::chunk(&body, false)?.open()?;
@@ -205,6 +220,7 @@ fn holds_none(file: &File, chunk: &records::ChunkIndexRecord) -> Result<bool, Da
 /// Whether the records from `at` to `end` hold no message.
 fn between(file: &File, mut at: u64, end: u64) -> Result<bool, Damage> {
     while at < end {
+        cancel::check();
         let (opcode, len) = prefix_at(file, at)?;
         if matches!(opcode, op::MESSAGE | op::CHUNK) {
             return Ok(false);

@@ -191,5 +191,49 @@ fn statistics_that_disagree_with_the_messages_are_noticed() {
         words.contains("counts 61 messages, the file holds 60"),
         "{words}"
     );
-    assert_eq!(log.nth(TOPIC, u64::from(MESSAGES)).unwrap(), None);
+    let error = log.nth(TOPIC, u64::from(MESSAGES)).unwrap_err();
+    assert_eq!(error.to_string(), words);
+    assert_eq!(log.nth(TOPIC, u64::from(MESSAGES) + 1).unwrap(), None);
+}
+
+#[test]
+fn an_index_whose_places_are_wrong_costs_no_message_and_no_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let whole = written(WriteOptions::new().calculate_summary_section_crc(false));
+    let all: Vec<u32> = (0..MESSAGES).collect();
+    let footer = whole.len() - 8 - 29;
+    let start = u64::from_le_bytes(whole[footer + 9..footer + 17].try_into().unwrap()) as usize;
+    let chunk = record_from(&whole, op::CHUNK_INDEX, start) + 9;
+    let map = u32::from_le_bytes(whole[chunk + 32..chunk + 36].try_into().unwrap()) as usize;
+    let set = |at: usize, value: u64| {
+        let mut bytes = whole.clone();
+        bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        bytes
+    };
+    let of = |at: usize| u64::from_le_bytes(whole[at..at + 8].try_into().unwrap());
+    // A chunk index: times, offset, length, map of message indexes, their length.
+    let (length, indexes) = (chunk + 24, chunk + 36 + map);
+    for bytes in [
+        set(length, 0),
+        set(length, of(length) + 1),
+        set(length, u64::MAX),
+        set(indexes, 0),
+        set(indexes, 2 * of(indexes)),
+        set(indexes, u64::MAX),
+    ] {
+        assert_eq!(found(&bytes, &path).unwrap(), all);
+    }
+    for bytes in [
+        // The summary's start: within the data, at its end, behind it.
+        set(footer + 9, of(chunk + 16)),
+        set(footer + 9, start as u64 - 13),
+        set(footer + 9, footer as u64 + 29),
+        set(footer + 9, footer as u64 + 28),
+        set(footer + 9, u64::MAX),
+    ] {
+        if let Ok(found) = found(&bytes, &path) {
+            assert_eq!(found, all);
+        }
+    }
 }
