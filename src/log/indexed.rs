@@ -118,8 +118,12 @@ impl IndexedLog {
         if stated == found {
             return Ok(());
         }
+        Err(self.miscounted(stated, found))
+    }
+
+    fn miscounted(&self, stated: u64, found: u64) -> LogError {
         let damage = Damage::MessageCount { stated, found };
-        Err(self.damaged((self.contents.stated_at, damage)))
+        self.damaged((self.contents.stated_at, damage))
     }
 
     /// Channels of these topics whose messages are of the topic's own type.
@@ -229,9 +233,7 @@ impl IndexedLog {
         }
         let stated = self.counts().get(topic).copied().unwrap_or(0);
         if index < stated {
-            let found = index - left;
-            let damage = Damage::MessageCount { stated, found };
-            return Err(self.damaged((self.contents.stated_at, damage)));
+            return Err(self.miscounted(stated, index - left));
         }
         Ok(None)
     }

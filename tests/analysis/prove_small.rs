@@ -83,8 +83,8 @@ fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
 
 /// Surge, sway and yaw at once gave no verdict in ten minutes.
 #[test]
-fn a_coupled_case_is_named_with_its_dof() {
-    let judged = coupled::run(11, &[1], None, &|_| {}).unwrap();
+fn coupled_cases_are_named_with_their_dof_and_nothing_is_none() {
+    let judged = coupled::run(11, &[1, 2], None, &|_| {}).unwrap();
     for j in &judged {
         assert!(j.right, "{:?}", coupled::complaint(j));
         assert!(j.fits <= 300, "{}", j.fits);

@@ -208,13 +208,12 @@ fn holds_none(file: &File, chunk: &records::ChunkIndexRecord) -> Result<bool, Da
     if opcode != op::CHUNK || body.len() as u64 + PREFIX_BYTES != chunk.chunk_bytes {
         return Ok(false);
     }
-    let mut content = records::chunk(&body, false)?.open()?;
-    while let Some(record) = records::next_inner(&mut content) {
-        if record?.0 == op::MESSAGE {
-            return Ok(false);
-        }
-    }
-    Ok(true)
+    let (content, mut none) = (records::chunk(&body, false)?.open()?, true);
+    records::each_message(&content, |_, _, _| {
+        none = false;
+        Ok::<(), Damage>(())
+    })?;
+    Ok(none)
 }
 
 /// Whether the records from `at` to `end` hold no message.

@@ -100,11 +100,22 @@ fn what_a_summary_leaves_out_costs_no_message() {
     }
 }
 
+fn number_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
+}
+
+/// Where the footer and the summary begin.
+fn ends(bytes: &[u8]) -> (usize, usize) {
+    // Magic, and a footer with its prefix.
+    let footer = bytes.len() - 8 - 29;
+    (footer, number_at(bytes, footer + 9) as usize)
+}
+
 /// Where the first record of an opcode stands, from the record at `from` on.
 fn record_from(bytes: &[u8], opcode: u8, from: usize) -> usize {
     let mut at = from;
     loop {
-        let len = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
+        let len = number_at(bytes, at + 1);
         if bytes[at] == opcode {
             return at;
         }
@@ -119,8 +130,7 @@ fn with_a_loose_message(counted: bool) -> Vec<u8> {
             .calculate_summary_section_crc(false)
             .calculate_data_section_crc(false),
     );
-    let footer = bytes.len() - 8 - 29;
-    let start = u64::from_le_bytes(bytes[footer + 9..footer + 17].try_into().unwrap());
+    let (footer, start) = ends(&bytes);
     let channel = mcap::Summary::read(&bytes).unwrap().unwrap();
     let channel = channel.channels.values().find(|c| c.topic == TOPIC);
     let channel = channel.unwrap().id;
@@ -132,9 +142,9 @@ fn with_a_loose_message(counted: bool) -> Vec<u8> {
     record.extend((body.len() as u64).to_le_bytes());
     record.extend(body);
     if counted {
-        let statistics = record_from(&bytes, op::STATISTICS, start as usize) + 9;
+        let statistics = record_from(&bytes, op::STATISTICS, start) + 9;
         let mut raise = |at: usize| {
-            let n = u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+            let n = number_at(&bytes, at);
             bytes[at..at + 8].copy_from_slice(&(n + 1).to_le_bytes());
         };
         raise(statistics);
@@ -143,8 +153,8 @@ fn with_a_loose_message(counted: bool) -> Vec<u8> {
         raise(map + 10 * usize::from(channel) + 2);
     }
     // DataEnd is 13 bytes, right before the summary; the offsets of the summary's groups are of no use here.
-    let at = start as usize - 13;
-    bytes[footer + 9..footer + 17].copy_from_slice(&(start + record.len() as u64).to_le_bytes());
+    let at = start - 13;
+    bytes[footer + 9..footer + 17].copy_from_slice(&((start + record.len()) as u64).to_le_bytes());
     bytes[footer + 17..footer + 25].fill(0);
     bytes.splice(at..at, record);
     bytes
@@ -170,9 +180,8 @@ fn statistics_that_disagree_with_the_messages_are_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut bytes = written(WriteOptions::new().calculate_summary_section_crc(false));
-    let footer = bytes.len() - 8 - 29;
-    let start = u64::from_le_bytes(bytes[footer + 9..footer + 17].try_into().unwrap());
-    let statistics = record_from(&bytes, op::STATISTICS, start as usize) + 9;
+    let (_, start) = ends(&bytes);
+    let statistics = record_from(&bytes, op::STATISTICS, start) + 9;
     // A sum that does not fit is none: the log is read through.
     let mut hostile = bytes.clone();
     hostile[statistics + 46 + 2..statistics + 46 + 10].fill(0xff);
@@ -202,8 +211,7 @@ fn an_index_whose_places_are_wrong_costs_no_message_and_no_panic() {
     let path = folder.path().join("a.mcap");
     let whole = written(WriteOptions::new().calculate_summary_section_crc(false));
     let all: Vec<u32> = (0..MESSAGES).collect();
-    let footer = whole.len() - 8 - 29;
-    let start = u64::from_le_bytes(whole[footer + 9..footer + 17].try_into().unwrap()) as usize;
+    let (footer, start) = ends(&whole);
     let chunk = record_from(&whole, op::CHUNK_INDEX, start) + 9;
     let map = u32::from_le_bytes(whole[chunk + 32..chunk + 36].try_into().unwrap()) as usize;
     let set = |at: usize, value: u64| {
@@ -211,7 +219,7 @@ fn an_index_whose_places_are_wrong_costs_no_message_and_no_panic() {
         bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
         bytes
     };
-    let of = |at: usize| u64::from_le_bytes(whole[at..at + 8].try_into().unwrap());
+    let of = |at: usize| number_at(&whole, at);
     // A chunk index: times, offset, length, map of message indexes, their length.
     let (length, indexes) = (chunk + 24, chunk + 36 + map);
     for bytes in [

@@ -57,26 +57,26 @@ impl Fields {
     }
     /// A map of channels to counts or offsets.
     fn by_channel(&mut self, field: &'static str) -> Result<BTreeMap<u16, u64>, Damage> {
+        self.pairs(field, |inner| Ok((inner.u16(field)?, inner.u64(field)?)))
+    }
+    fn map(&mut self, field: &'static str) -> Result<MetadataMap, Damage> {
+        self.pairs(field, |inner| {
+            Ok((inner.string(field)?, inner.string(field)?))
+        })
+    }
+    fn pairs<K: Ord, V>(
+        &mut self,
+        field: &'static str,
+        pair: impl Fn(&mut Fields) -> Result<(K, V), Damage>,
+    ) -> Result<BTreeMap<K, V>, Damage> {
         let mut inner = Fields {
             bytes: self.blob(field)?,
             opcode: self.opcode,
         };
         let mut map = BTreeMap::new();
         while inner.bytes.has_remaining() {
-            let channel = inner.u16(field)?;
-            map.insert(channel, inner.u64(field)?);
-        }
-        Ok(map)
-    }
-    fn map(&mut self, field: &'static str) -> Result<MetadataMap, Damage> {
-        let mut inner = Fields {
-            bytes: self.blob(field)?,
-            opcode: self.opcode,
-        };
-        let mut map = MetadataMap::new();
-        while inner.bytes.has_remaining() {
-            let key = inner.string(field)?;
-            map.insert(key, inner.string(field)?);
+            let (key, value) = pair(&mut inner)?;
+            map.insert(key, value);
         }
         Ok(map)
     }
