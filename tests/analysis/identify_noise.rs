@@ -384,7 +384,9 @@ fn assert_weighed(experiments: u64) {
     );
     // Information of half the samples at 1 and half at 1/100 against all at the mean variance of 50.5: 0.20.
     assert!(with < 0.35 * without, "{with} {without}");
-    assert!((0.92..=0.98).contains(&share), "{share}");
+    // 95 % and 3 binomial sd; of 600 experiments what is asked, 92 to 98 %.
+    let binomial = (3.0 * (0.95 * 0.05 / experiments as f64).sqrt()).max(0.03);
+    assert!((share - 0.95).abs() <= binomial, "{share}");
     // Three errors at a time belong together: 1 +- 3 / sqrt(2 n).
     let chance = 3.0 / (2.0 * experiments as f64).sqrt();
     assert!((ratio - 1.0).abs() <= chance, "{ratio}");
@@ -392,7 +394,7 @@ fn assert_weighed(experiments: u64) {
 
 #[test]
 fn samples_count_by_the_sd_their_log_says() {
-    assert_weighed(120);
+    assert_weighed(30);
 }
 
 #[test]
@@ -482,13 +484,13 @@ fn false_alarms(experiments: u64, still_s: f64) -> (usize, Vec<f64>) {
 
 #[test]
 fn coloured_noise_measured_in_20_s_is_no_misfit() {
-    let (alarms, smallest) = false_alarms(60, 20.5);
-    // Four runs each: the smallest p of four is below 5 % in 18.5 % of experiments without misfit: 11.1 +- 3.0 of 60.
+    let (alarms, smallest) = false_alarms(15, 20.5);
+    // Four runs each: the smallest p of four is below 5 % in 18.5 % of experiments without misfit: 2.8 +- 1.5 of 15.
     let small = smallest.iter().filter(|p| **p < 0.05).count();
-    println!("60 experiments: {alarms} alarms, {small} with a p below 5 %");
-    // Nominal 1e-3 for whiteness and 1e-3 for the level per experiment: two of 60 by chance have 0.6 %.
-    assert!(alarms <= 1, "{alarms} of 60");
-    assert!(small <= 20, "{small} of 60");
+    println!("15 experiments: {alarms} alarms, {small} with a p below 5 %");
+    // Nominal 1e-3 for whiteness and 1e-3 for the level per experiment: one of 15 by chance has 3 %.
+    assert!(alarms <= 1, "{alarms} of 15");
+    assert!(small <= 7, "{small} of 15");
 }
 
 #[test]
@@ -505,6 +507,16 @@ fn coloured_noise_measured_in_20_s_is_no_misfit_in_500_experiments() {
 
 #[test]
 fn a_term_left_out_is_a_misfit_beside_coloured_noise_measured_at_rest() {
+    assert_misfit_of_a_term_left_out(3);
+}
+
+#[test]
+#[ignore = "ten seeds: tests/nightly identify"]
+fn a_term_left_out_is_a_misfit_beside_coloured_noise_measured_at_rest_with_ten_seeds() {
+    assert_misfit_of_a_term_left_out(10);
+}
+
+fn assert_misfit_of_a_term_left_out(seeds: u64) {
     let mut rig = decoupled();
     let truth = other_vehicle(&rig, 2);
     rig.vehicle.coefficients[0].quadratic = 0.0;
@@ -513,7 +525,7 @@ fn a_term_left_out_is_a_misfit_beside_coloured_noise_measured_at_rest() {
         fixed: vec![Coefficient::find("x_uu").unwrap()],
         ..options(&quick)
     };
-    for seed in 1..=10 {
+    for seed in 1..=seeds {
         let found = identify(&with_rest(&truth, 20.5, seed), &rig, &concealed).unwrap();
         let words = found.misfit.join("\n");
         assert!(words.contains("far from white"), "seed {seed}: {words}");
