@@ -8,11 +8,12 @@ pub use load::{StepLoad, Wrench};
 
 use std::path::Path;
 
-use crate::raw::{Kind, Section, angle, is_name, name, number, shape, spellings, tables};
+use crate::raw::{Kind, Section, angle, is_name, keys_of, name, number, spellings, tables};
 use load::Load;
 
 shapes! {
-    /// How a step's load evolves over its duration.
+    /// How the load goes over the step: constant, in a line from that of the step before, as a sine, or as a sine of
+    /// rising or falling frequency.
     pub enum Shape: Copy by "shape" or "hold" {
         /// Constant.
         Hold = "hold",
@@ -40,9 +41,8 @@ table! {
     pub struct PlanStep as StepTyped, checked by foreign_keys {
         /// How long the step lasts.
         pub for_s: f64 = number(0.0, 86_400.0, "s").above(),
-        /// How the load goes over the step: constant, in a line from that of the step before, as a sine, or as a sine of
-        /// rising or falling frequency.
-        pub shape: Shape = shape(),
+        /// Shape over the step.
+        pub shape: Shape = keys_of(),
         /// Load at full scale.
         pub load: StepLoad = Load,
     }

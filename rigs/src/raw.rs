@@ -23,7 +23,7 @@ pub(crate) use kinds::{
     Columns, One, angle, angles, flag, interval, is_name, list, name, numbers, one, ordered, rows,
     spellings, text, whole, words,
 };
-pub(crate) use nested::{Shapes, keys_of, shape, table, table_or_defaults, tables};
+pub(crate) use nested::{keys_of, table, table_or_defaults, tables};
 pub(crate) use quantity::{Quantity, number};
 pub(crate) use section::{Item, Section};
 pub(crate) use table::{Kind, Table, kind_of};

@@ -6,9 +6,7 @@ mod polygon;
 pub(crate) use board::NoPlace;
 pub use board::{Board, BoardPattern, GaugeBlock};
 
-use crate::raw::{
-    Kind, Quantity, Section, angle, keys_of, name, number, numbers, shape, tables, whole,
-};
+use crate::raw::{Kind, Quantity, Section, angle, keys_of, name, number, numbers, tables, whole};
 use polygon::corners;
 
 /// A place in the target's frame.
@@ -21,7 +19,9 @@ const fn size() -> Quantity {
 }
 
 shapes! {
-    /// Outline of a flat slab seen from above, in the target frame (X along the centre line, Y to starboard).
+    /// Its outline.
+    ///
+    /// Seen from above, in the target frame (X along the centre line, Y to starboard).
     pub enum SlabOutline by "shape" {
         /// Rectangle X in \[x0, x1\], |Y| <= width/2.
         Rectangle = "rectangle" {
@@ -55,8 +55,8 @@ table! {
     pub struct Slab as SlabTyped, checked by start_before_end {
         /// Name of the slab.
         pub name: String = name(),
-        /// Its outline.
-        pub outline: SlabOutline = shape(),
+        /// Outline seen from above.
+        pub outline: SlabOutline = keys_of(),
         /// Height of its top above the floor.
         pub top_m: f64 = number(0.0, 10.0, "m").above(),
         /// Brightness of its top, as a factor on that of the floor.

@@ -153,14 +153,7 @@ impl Dof {
 
     /// Name in files.
     pub fn name(self) -> &'static str {
-        match self {
-            Dof::Surge => "surge",
-            Dof::Sway => "sway",
-            Dof::Heave => "heave",
-            Dof::Roll => "roll",
-            Dof::Pitch => "pitch",
-            Dof::Yaw => "yaw",
-        }
+        ["surge", "sway", "heave", "roll", "pitch", "yaw"][self.index()]
     }
 
     /// Names of its three coefficients in identifications: added mass, linear and quadratic damping.

@@ -115,47 +115,11 @@ impl<T: Table> Kind for Among<T> {
     }
 }
 
-/// What a word chooses, with keys that each has for itself, as [`shapes!`] makes it.
-pub(crate) trait Shapes: Sized {
-    /// Reads word and keys; `None` = reported.
-    fn read_keys(s: &Section<'_>) -> Option<Self>;
-    /// Writes word and keys.
-    fn write_keys(&self, w: &mut Writer);
-    /// Describes the word, as `about`, and the keys.
-    fn describe_keys(to: &mut Described<'_>, about: &'static str);
-}
-
-/// One of several shapes.
-pub(crate) struct Shaped<T>(PhantomData<T>);
-
-pub(crate) const fn shape<T: Shapes>() -> Shaped<T> {
-    Shaped(PhantomData)
-}
-
-impl<T: Shapes> Kind for Shaped<T> {
-    type Value = T;
-
-    fn typed(&self, s: &Section<'_>, _: &str) -> Option<Option<T>> {
-        T::read_keys(s).map(Some)
-    }
-
-    fn left_out(&self, _: &Section<'_>, _: &str) -> Option<T> {
-        None
-    }
-
-    fn write(&self, w: &mut Writer, _: &str, value: &T) {
-        value.write_keys(w);
-    }
-
-    fn describe(&self, to: &mut Described<'_>, _: &str, about: &'static str) {
-        T::describe_keys(to, about);
-    }
-}
-
-/// Declares an enum by the word that chooses in a file, each variant with its keys (rows as those of `table!`).
+/// Declares an enum by the word that chooses in a file, each variant with its keys (rows as those of `table!`): its row in
+/// a table is `keys_of()`.
 ///
-/// `by "shape"` names the word's key, `or "hold"` the word that is meant when it is left out. A key of several
-/// variants is described once, as in the first.
+/// `by "shape"` names the word's key, whose meaning is the enum's; `or "hold"` the word that is meant when it is left
+/// out. A key of several variants is described once, as in the first.
 macro_rules! shapes {
     (
         $(#[doc = $about:literal])*
@@ -193,7 +157,9 @@ macro_rules! shapes {
             }
         }
 
-        impl $crate::raw::Shapes for $name {
+        impl $crate::raw::Table for $name {
+            const ABOUT: &'static str = concat!($($about, "\n"),*);
+
             fn read_keys(s: &$crate::raw::Section<'_>) -> Option<Self> {
                 let Some(word) = $crate::raw::Kind::read(&Self::word(), s, $tag) else {
                     // Which of these belong here is unknown until the word is: blame none.
@@ -220,8 +186,8 @@ macro_rules! shapes {
                 }
             }
 
-            fn describe_keys(to: &mut $crate::raw::Described<'_>, about: &'static str) {
-                $crate::raw::Kind::describe(&Self::word(), to, $tag, about);
+            fn describe_keys(to: &mut $crate::raw::Described<'_>) {
+                $crate::raw::Kind::describe(&Self::word(), to, $tag, Self::ABOUT);
                 $($($(
                     if !to.has(stringify!($f)) {
                         let about = concat!($($doc, "\n"),*);

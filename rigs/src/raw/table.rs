@@ -191,7 +191,7 @@ pub(crate) fn kind_of<V, K: Kind<Value = V>>(kind: K) -> K {
 ///         /// Depth of the water.                                    a key, and a field of the same name
 ///         pub depth_m: f64 = number(0.0, 200.0, "m").above(),
 ///         /// Position of the CG at the start.                       a key that a field is made of; how it is written again
-///         key start_m: [f64; 3] = numbers(-1000.0, 1000.0, "m") => |t| Some(position(&t.start_pose)),
+///         key start_m: [f64; 3] = numbers(number(-9.0, 9.0, "m")) => |t| Some(position(&t.start_pose)),
 ///         /// Pose of the CG at the start.                           a field that `start_in_water` makes
 ///         made start_pose: [f64; 6],
 ///     }

@@ -1,13 +1,13 @@
 //! The calibration board.
 
-use crate::raw::{Quantity, Section, name, number, numbers, shape, tables, whole};
+use crate::raw::{Quantity, Section, keys_of, name, number, numbers, tables, whole};
 
 const fn size() -> Quantity {
     number(0.0, 10.0, "m").above()
 }
 
 shapes! {
-    /// Pattern of a calibration board.
+    /// What marks its nodes: crossings of lines, centres of dots, or corners of a chessboard.
     pub enum BoardPattern: Copy by "pattern" {
         /// Grid lines.
         Lines = "lines" {
@@ -44,8 +44,8 @@ table! {
     pub struct Board as BoardTyped, checked by marks_apart {
         /// Name of the board.
         pub name: String = name(),
-        /// What marks its nodes: crossings of lines, centres of dots, or corners of a chessboard.
-        pub pattern: BoardPattern = shape(),
+        /// Pattern of its nodes.
+        pub pattern: BoardPattern = keys_of(),
         /// Number of nodes along the board's width.
         pub columns: u32 = whole(2, 200, "nodes"),
         /// Number of nodes along its height.
