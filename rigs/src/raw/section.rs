@@ -34,6 +34,7 @@ pub(crate) struct Section<'d> {
 }
 
 impl<'d> Section<'d> {
+    /// The keys before all tables.
     pub(crate) fn root(
         document: &'d Document<'d>,
         table: &'d DeTable<'d>,
@@ -50,6 +51,7 @@ impl<'d> Section<'d> {
         }
     }
 
+    /// A table below; `None` = all its keys are left out.
     fn child(
         &self,
         path: String,
@@ -57,13 +59,12 @@ impl<'d> Section<'d> {
         table: Option<&'d DeTable<'d>>,
     ) -> Self {
         Section {
-            document: self.document,
-            problems: self.problems,
             path,
             span,
             table,
-            silent: false,
+            silent: self.silent,
             known: RefCell::default(),
+            ..*self
         }
     }
 
@@ -145,10 +146,13 @@ impl<'d> Section<'d> {
             .collect()
     }
 
+    fn push(&self, span: Option<&Range<usize>>, path: String, kind: ProblemKind) {
+        let line = span.map(|s| self.document.line(s.start));
+        self.problems.push(self.document.file, line, path, kind);
+    }
+
     pub(crate) fn report(&self, item: &Item<'_>, kind: ProblemKind) {
-        let line = self.document.line(item.span.start);
-        self.problems
-            .push(self.document.file, Some(line), item.path.clone(), kind);
+        self.push(Some(&item.span), item.path.clone(), kind);
     }
 
     /// Reports a broken rule at `key` (empty: the table itself).
@@ -156,19 +160,10 @@ impl<'d> Section<'d> {
         if self.silent {
             return;
         }
-        let span = self
-            .lookup(key)
-            .map(|item| item.span)
-            .or_else(|| self.span.clone());
-        self.problems.push(
-            self.document.file,
-            span.map(|s| self.document.line(s.start)),
-            self.path_of(key),
-            ProblemKind::Rule {
-                what: what.into(),
-                next: next.into(),
-            },
-        );
+        let item = self.lookup(key);
+        let span = item.as_ref().map(|item| &item.span).or(self.span.as_ref());
+        let (what, next) = (what.into(), next.into());
+        self.push(span, self.path_of(key), ProblemKind::Rule { what, next });
     }
 
     /// Reports a broken rule at an item in hand.
@@ -178,28 +173,16 @@ impl<'d> Section<'d> {
     }
 
     pub(crate) fn missing(&self, key: &str, expected: impl Into<String>) {
-        if self.silent {
-            return;
+        if !self.silent {
+            let expected = expected.into();
+            let kind = ProblemKind::Missing { expected };
+            self.push(self.span.as_ref(), self.path_of(key), kind);
         }
-        let line = self.span.as_ref().map(|s| self.document.line(s.start));
-        self.problems.push(
-            self.document.file,
-            line,
-            self.path_of(key),
-            ProblemKind::Missing {
-                expected: expected.into(),
-            },
-        );
     }
 
     pub(crate) fn wrong_type(&self, item: &Item<'_>, expected: impl Into<String>) {
-        self.report(
-            item,
-            ProblemKind::WrongType {
-                typed: self.typed(item),
-                expected: expected.into(),
-            },
-        );
+        let (typed, expected) = (self.typed(item), expected.into());
+        self.report(item, ProblemKind::WrongType { typed, expected });
     }
 
     pub(crate) fn typed(&self, item: &Item<'_>) -> String {
@@ -231,20 +214,15 @@ impl<'d> Section<'d> {
 
     /// A table that may be omitted (all its keys then take their defaults).
     pub(crate) fn table_or_default(&self, key: &str) -> Section<'d> {
-        let mut section = match self.item(key) {
-            Some(item) => match item.value.as_table() {
-                Some(table) => self.child(item.path, Some(item.span), Some(table)),
-                None => {
-                    self.wrong_type(&item, format!("a table [{}]", self.path_of(key)));
-                    let mut section = self.child(item.path, None, None);
-                    section.silent = true;
-                    section
-                }
-            },
-            None => self.child(self.path_of(key), self.span.clone(), None),
+        let Some(item) = self.item(key) else {
+            return self.child(self.path_of(key), self.span.clone(), None);
         };
-        section.silent |= self.silent;
-        section
+        self.section_of(&item).unwrap_or_else(|| {
+            self.wrong_type(&item, format!("a table [{}]", self.path_of(key)));
+            let mut section = self.child(item.path, None, None);
+            section.silent = true;
+            section
+        })
     }
 
     /// A table that must be there; reported once when it is not.
@@ -273,12 +251,12 @@ impl<'d> Section<'d> {
         elements
             .into_iter()
             .take(most)
-            .filter_map(|element| match element.value.as_table() {
-                Some(table) => Some(self.child(element.path, Some(element.span), Some(table))),
-                None => {
+            .filter_map(|element| {
+                let section = self.section_of(&element);
+                if section.is_none() {
                     self.wrong_type(&element, &*expected);
-                    None
                 }
+                section
             })
             .collect()
     }
@@ -341,16 +319,12 @@ impl<'d> Section<'d> {
             .collect();
         unknown.sort_unstable();
         for (offset, key) in unknown {
-            let allowed: Vec<String> = known.clone();
-            self.problems.push(
-                self.document.file,
-                Some(self.document.line(offset)),
-                self.path_of(&key.chars().take(80).collect::<String>()),
-                ProblemKind::UnknownKey {
-                    suggestion: nearest(key, known.iter().map(String::as_str)),
-                    allowed,
-                },
-            );
+            let kind = ProblemKind::UnknownKey {
+                suggestion: nearest(key, known.iter().map(String::as_str)),
+                allowed: known.clone(),
+            };
+            let path = self.path_of(&key.chars().take(80).collect::<String>());
+            self.push(Some(&(offset..offset)), path, kind);
         }
     }
 }
