@@ -27,6 +27,7 @@ impl Columns {
 }
 
 type Read<V> = Box<dyn for<'d> Fn(&Section<'d>, &Item<'d>) -> Option<V>>;
+type Put<V> = Box<dyn Fn(&mut Writer, &str, &V)>;
 
 /// A kind whose value is that of one key.
 pub(crate) struct One<V> {
@@ -35,7 +36,7 @@ pub(crate) struct One<V> {
     expected: String,
     columns: Columns,
     read: Read<V>,
-    put: Box<dyn Fn(&mut Writer, &str, &V)>,
+    put: Put<V>,
 }
 
 impl<V> Kind for One<V> {
