@@ -117,28 +117,24 @@ impl PixelFormat {
         TABLE.into_iter().map(|(format, ..)| format)
     }
 
+    fn row(self) -> Option<Row> {
+        TABLE.into_iter().find(|(format, ..)| *format == self)
+    }
+
     /// Name in rigs and logs.
     pub fn name(self) -> &'static str {
-        TABLE
-            .iter()
-            .find(|(format, ..)| *format == self)
-            .map_or("PNG", |(_, name, _)| name)
+        self.row().map_or("PNG", |(_, name, _)| name)
     }
 
     /// V4L2's four characters.
     pub fn fourcc(self) -> [u8; 4] {
-        TABLE
-            .iter()
-            .find(|(format, ..)| *format == self)
-            .map_or(*b"PNG ", |(_, _, code)| *code)
+        self.row().map_or(*b"PNG ", |(_, _, code)| code)
     }
 
     /// The format of V4L2's four characters, if it is read.
     pub fn of_fourcc(code: [u8; 4]) -> Option<PixelFormat> {
-        TABLE
-            .iter()
-            .find(|(.., c)| *c == code)
-            .map(|(format, ..)| *format)
+        let row = TABLE.into_iter().find(|(.., c)| *c == code);
+        row.map(|(format, ..)| format)
     }
 
     /// Whether a frame's size in bytes does not follow from its size in pixels.
@@ -235,7 +231,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// With their names.
+    /// With their names, in the order of the declaration.
     pub const ALL: [(&'static str, Channel); 4] = [
         ("luma", Channel::Luma),
         ("red", Channel::Red),
@@ -245,12 +241,7 @@ impl Channel {
 
     /// Name in rigs and on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Channel::Luma => "luma",
-            Channel::Red => "red",
-            Channel::Green => "green",
-            Channel::Blue => "blue",
-        }
+        Channel::ALL[self as usize].0
     }
 }
 
@@ -265,16 +256,13 @@ pub enum YuvRange {
 }
 
 impl YuvRange {
-    /// With their names.
+    /// With their names, in the order of the declaration.
     pub const ALL: [(&'static str, YuvRange); 2] =
         [("limited", YuvRange::Limited), ("full", YuvRange::Full)];
 
     /// Name in rigs.
     pub fn name(self) -> &'static str {
-        match self {
-            YuvRange::Limited => "limited",
-            YuvRange::Full => "full",
-        }
+        YuvRange::ALL[self as usize].0
     }
 }
 

@@ -17,6 +17,7 @@ use hydroline_identify::data::CHANNELS;
 
 use super::map::PLACES;
 use super::table::Imported;
+pub(crate) use finding::FindingList;
 pub use finding::{Finding, Severity};
 pub use options::Options;
 pub(crate) use watch::{Spoilt, Watch};

@@ -2,8 +2,8 @@
 
 use hydroline_rigs::{Dof, Rig};
 
-use super::Finding;
 use super::channel::Extent;
+use super::{Finding, FindingList};
 use crate::map::{CommandMap, Map, Origin};
 use crate::table::Imported;
 use hydroline_identify::data::capacity;
@@ -48,14 +48,13 @@ impl Loads {
     pub fn report(&self, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
         for (i, c) in map.commands.iter().enumerate() {
             if map.commands[..i].iter().any(|o| o.thruster == c.thruster) {
-                findings.push(Finding::fault(
+                findings.fault(
                     "duplicate_thruster",
-                    None,
                     format!(
                         "command {}: more than one column is mapped to it; the last would overrule the others at every stamp",
-                        c.thruster
+                        c.thruster,
                     ),
-                ));
+                );
             }
             self.alone(i, c, findings);
             if let Some(rig) = rig {
@@ -63,11 +62,11 @@ impl Loads {
             }
         }
         if rig.is_none() && !map.commands.is_empty() {
-            findings.push(Finding::info(
+            findings.info(
                 "commands_unchecked",
                 "names and sizes of the commands were not held against a rig; give --rig"
                     .to_owned(),
-            ));
+            );
         }
     }
 
@@ -81,11 +80,10 @@ impl Loads {
         } else {
             format!("always {low}, also in the first row: a constant load, or a dead column")
         };
-        findings.push(Finding::warning(
+        findings.warning(
             "dead_command",
-            None,
             format!("command {} ({}): {words}", c.thruster, c.origin.words()),
-        ));
+        );
     }
 
     fn against(&self, i: usize, c: &CommandMap, rig: &Rig, findings: &mut Vec<Finding>) {
@@ -97,31 +95,30 @@ impl Loads {
                 .map(|t| t.name.as_str())
                 .chain(Dof::ALL.map(Dof::name))
                 .collect();
-            findings.push(Finding::fault(
+            findings.fault(
                 "unknown_thruster",
-                None,
                 format!(
                     "command {}: no thruster of the rig {} and no component; there are {}",
                     c.thruster,
                     rig.name,
                     known.join(", ")
                 ),
-            ));
+            );
             return;
         };
         let (largest, line) = self.largest[i];
         let component = Dof::ALL.iter().any(|d| d.name() == c.thruster);
         let absurd = if component { ABSURD_TOGETHER } else { ABSURD };
         if limit > 0.0 && largest >= absurd * limit {
-            findings.push(Finding::fault(
+            findings.fault_at(
                 "command_size",
                 line,
                 format!(
                     "command {}: reaches {largest:.4}, {:.0} times the most the rig can make ({limit:.4}): millinewtons or pulses mapped as newtons? unit of the map",
                     c.thruster,
-                    largest / limit
+                    largest / limit,
                 ),
-            ));
+            );
         }
     }
 }

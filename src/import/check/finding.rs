@@ -58,3 +58,40 @@ impl Finding {
         self.message.split_once(':').map_or("", |(s, _)| s)
     }
 }
+
+/// A list that findings are added to.
+pub(crate) trait FindingList {
+    /// Adds one.
+    fn add(&mut self, finding: Finding);
+
+    /// A fault of the file as a whole.
+    fn fault(&mut self, kind: &'static str, message: String) {
+        self.add(Finding::fault(kind, None, message));
+    }
+
+    /// A fault that begins at a line.
+    fn fault_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
+        self.add(Finding::fault(kind, line, message));
+    }
+
+    /// A warning about the file as a whole.
+    fn warning(&mut self, kind: &'static str, message: String) {
+        self.add(Finding::warning(kind, None, message));
+    }
+
+    /// A warning about what begins at a line.
+    fn warning_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
+        self.add(Finding::warning(kind, line, message));
+    }
+
+    /// What is good to know.
+    fn info(&mut self, kind: &'static str, message: String) {
+        self.add(Finding::info(kind, message));
+    }
+}
+
+impl FindingList for Vec<Finding> {
+    fn add(&mut self, finding: Finding) {
+        self.push(finding);
+    }
+}

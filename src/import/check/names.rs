@@ -2,7 +2,7 @@
 
 use hydroline_identify::data::CHANNELS;
 
-use super::{Finding, name as name_of};
+use super::{Finding, FindingList, name as name_of};
 use crate::map::{Column, Map, Origin, PLACES};
 
 /// A column named like another channel than the one it is mapped to.
@@ -24,15 +24,14 @@ pub(super) fn check(map: &Map, findings: &mut Vec<Finding>) {
             .or_else(|| CHANNELS.iter().position(|c| *c == name));
         let known = known.or_else(|| WORDS.iter().find(|(w, _)| *w == name).map(|w| w.1));
         if let Some(known) = known.filter(|k| *k != place) {
-            findings.push(Finding::warning(
+            findings.warning(
                 "column_name",
-                None,
                 format!(
                     "column '{column}' is mapped to {} though it is named like {}",
                     name_of(place),
                     CHANNELS[known]
                 ),
-            ));
+            );
         }
     }
 }
@@ -49,13 +48,12 @@ pub(super) fn sds(map: &Map, findings: &mut Vec<Finding>) {
     }
     if !ignored.is_empty() {
         let names: Vec<&str> = ignored.into_iter().map(name_of).collect();
-        findings.push(Finding::warning(
+        findings.warning(
             "sd_ignored",
-            None,
             format!(
                 "sd of {}: not written, a log holds the covariance of all six pose channels or none; identify estimates the noise from a run at rest or the residuals",
-                names.join(", ")
+                names.join(", "),
             ),
-        ));
+        );
     }
 }

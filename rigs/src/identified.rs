@@ -1,133 +1,67 @@
-//! `[vehicle]` as typed.
+//! `[identified]`: what an identification left behind.
 
 use nalgebra::DMatrix;
 
-use super::section::Item;
-use super::thruster::row;
-use super::{Section, quantity};
+use crate::Dof;
 use crate::error::{ProblemKind, nearest};
-use crate::{AxisCoefficients, Dof, Identified, Vehicle, VehicleModel};
+use crate::raw::{Item, Section, list, number, one, rows};
 
 /// What is rounding in a covariance that went through files and inverses, as a share of the sds concerned.
 const ROUNDING: f64 = 1e-6;
 
-pub(super) fn read_vehicle(s: &Section<'_>) -> Option<Vehicle> {
-    let model = s.choice_opt(
-        "model",
-        &[
-            ("eq1", VehicleModel::Eq1),
-            ("decoupled", VehicleModel::Decoupled),
-        ],
-    );
-    s.default_is("model", "eq1");
-    let model_sound = model.is_some() || !s.has("model");
-    let mass_kg = s.number("mass_kg", quantity(0.0, 1e6, "kg").above());
-    let inertia_kgm2 = s.numbers("inertia_kgm2", quantity(0.0, 1e9, "kg m2").above());
-    let r_bz_m = s.number(
-        "r_bz_m",
-        quantity(-10.0, 10.0, "m").hint("Negative: centre of buoyancy above the centre of gravity"),
-    );
-    let gravity_mps2 = s.number_or("gravity_mps2", quantity(0.0, 30.0, "m/s2").above(), 9.81);
-    let axes = Dof::ALL.map(|dof| read_axis(&s.table(dof.name()), dof));
-    s.finish();
-    let [surge, sway, heave, roll, pitch, yaw] = axes;
-    model_sound.then_some(())?;
-    Some(Vehicle {
-        model: model.unwrap_or(VehicleModel::Eq1),
-        mass_kg: mass_kg?,
-        inertia_kgm2: inertia_kgm2?,
-        r_bz_m: r_bz_m?,
-        gravity_mps2,
-        coefficients: [surge?, sway?, heave?, roll?, pitch?, yaw?],
-    })
+table! {
+    /// Coefficients with their covariance, as `identify --write-rig` writes them: `predict` makes its band of it. Omitted:
+    /// coefficients carry no uncertainty.
+    ///
+    /// SI throughout.
+    pub struct Identified as IdentifiedTyped, checked by is_covariance {
+        /// Names of the coefficients, in the order of the other lists.
+        pub coefficients: Vec<String> =
+            one("", NAMES, ["texts", NAMES], names, |w, key, names| w.words(key, names)),
+        /// Their values.
+        ///
+        /// The covariance belongs to them: where `[vehicle]` says other ones it is not theirs.
+        pub values: Vec<f64> = list(number(-1e15, 1e15, "SI"), "one value per coefficient, SI"),
+        /// Their standard deviations: the roots of the covariance's diagonal.
+        pub sd: Vec<f64> = list(number(0.0, 1e15, "SI"), "one standard deviation per coefficient, SI"),
+        /// Their covariance, one row per coefficient.
+        pub covariance: Vec<Vec<f64>> = rows(number(-1e15, 1e15, "SI"), "one list of covariances per coefficient, SI"),
+    }
 }
 
-/// `[identified]`, which `identify --write-rig` writes; `Some(None)` = there is none.
-pub(super) fn read_identified(root: &Section<'_>) -> Option<Option<Identified>> {
-    if !root.has("identified") {
-        return Some(None);
-    }
-    let s = root.table("identified");
-    let names = "the list of coefficients, e.g. [\"x_udot\", \"x_u\"]";
-    s.asks_for("coefficients", "texts", names);
-    s.requires("coefficients");
-    let coefficients: Option<Vec<String>> = match s.item("coefficients") {
-        Some(item) => s
-            .elements(&item, names)
-            .and_then(|words| read_names(&s, &words)),
-        None => {
-            s.missing("coefficients", names);
-            None
-        }
+fn is_covariance(typed: &mut IdentifiedTyped, s: &Section<'_>) {
+    let (Some(names), Some(values), Some(sd), Some(covariance)) = (
+        &typed.coefficients,
+        &typed.values,
+        &typed.sd,
+        &typed.covariance,
+    ) else {
+        return;
     };
-    let any = || quantity(-1e15, 1e15, "SI");
-    s.asks_number("values", "numbers", &any());
-    s.requires("values");
-    s.asks_number("sd", "numbers", &quantity(0.0, 1e15, "SI"));
-    s.requires("sd");
-    s.asks_number("covariance", "rows of numbers", &any());
-    s.requires("covariance");
-    let list = |key: &str, expected: &str| match s.item(key) {
-        Some(item) => row(&s, &item, expected, any()),
-        None => {
-            s.missing(key, expected);
-            None
-        }
-    };
-    let values = list("values", "one value per coefficient, SI");
-    let sd = match s.item("sd") {
-        Some(item) => row(
-            &s,
-            &item,
-            "one standard deviation per coefficient, SI",
-            quantity(0.0, 1e15, "SI"),
-        ),
-        None => {
-            s.missing("sd", "one standard deviation per coefficient, SI");
-            None
-        }
-    };
-    let square = "one list of covariances per coefficient, SI";
-    let covariance: Option<Vec<Vec<f64>>> = match s.item("covariance") {
-        Some(item) => s
-            .elements(&item, square)
-            .and_then(|rows| rows.iter().map(|r| row(&s, r, square, any())).collect()),
-        None => {
-            s.missing("covariance", square);
-            None
-        }
-    };
-    s.finish();
-    let known = Identified {
-        coefficients: coefficients?,
-        values: values?,
-        sd: sd?,
-        covariance: covariance?,
-    };
-    let n = known.coefficients.len();
+    let n = names.len();
     let next = "Write it with hydroline identify LOG... --write-rig";
-    let lengths = [known.values.len(), known.sd.len(), known.covariance.len()];
-    if lengths != [n; 3] || known.covariance.iter().any(|r| r.len() != n) {
+    if [values.len(), sd.len(), covariance.len()] != [n; 3]
+        || covariance.iter().any(|r| r.len() != n)
+    {
         s.rule(
             "covariance",
             format!("{n} coefficients need {n} values, {n} sds and {n} rows of {n} covariances"),
             next,
         );
-        return None;
+    } else if let Some((key, what)) = senseless(names, sd, covariance) {
+        s.rule(key, what, next);
     }
-    if let Some((key, what)) = senseless(&known) {
-        s.rule(&key, what, next);
-        return None;
-    }
-    Some(Some(known))
 }
 
+/// What the names must be.
+const NAMES: &str = "the list of coefficients, e.g. [\"x_udot\", \"x_u\"]";
+
 /// Names of coefficients: each one there is, none twice.
-fn read_names(s: &Section<'_>, words: &[Item<'_>]) -> Option<Vec<String>> {
+fn names<'d>(s: &Section<'d>, item: &Item<'d>) -> Option<Vec<String>> {
     let allowed = || Dof::ALL.into_iter().flat_map(Dof::coefficient_names);
     let mut names: Vec<String> = Vec::new();
     let mut sound = true;
-    for (i, word) in words.iter().enumerate() {
+    for (i, word) in s.elements(item, NAMES)?.iter().enumerate() {
         let Some(name) = word.value.as_str() else {
             s.wrong_type(word, "a coefficient's name");
             return None;
@@ -141,12 +75,11 @@ fn read_names(s: &Section<'_>, words: &[Item<'_>]) -> Option<Vec<String>> {
             s.report(word, kind);
             sound = false;
         } else if let Some(first) = names.iter().position(|n| n == name) {
-            let kind = ProblemKind::Rule {
-                what: format!("\"{name}\" stands at places {first} and {i}"),
-                next: "Name each coefficient once, with its value, sd and row at the same place"
-                    .to_owned(),
-            };
-            s.report(word, kind);
+            s.rule_at(
+                word,
+                format!("\"{name}\" stands at places {first} and {i}"),
+                "Name each coefficient once, with its value, sd and row at the same place",
+            );
             sound = false;
         }
         names.push(name.to_owned());
@@ -155,16 +88,15 @@ fn read_names(s: &Section<'_>, words: &[Item<'_>]) -> Option<Vec<String>> {
 }
 
 /// The first thing that no covariance is: where, and what with its values. Lengths are right.
-fn senseless(known: &Identified) -> Option<(String, String)> {
-    let c = &known.covariance;
+fn senseless(names: &[String], sd: &[f64], c: &[Vec<f64>]) -> Option<(&'static str, String)> {
     let n = c.len();
-    let name = |i: usize| known.coefficients[i].as_str();
-    let wrong = |key: String, what: String| Some((key, what));
-    for (i, (row, sd)) in c.iter().zip(&known.sd).enumerate() {
+    let name = |i: usize| names[i].as_str();
+    let wrong = |key: &'static str, what: String| Some((key, what));
+    for (i, (row, sd)) in c.iter().zip(sd).enumerate() {
         let variance = row[i];
         if variance < 0.0 {
             return wrong(
-                "covariance".into(),
+                "covariance",
                 format!(
                     "the variance of {}, row {i}, is {variance}: negative; 0 or more is allowed",
                     name(i)
@@ -174,7 +106,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
         let root = variance.sqrt();
         if (sd - root).abs() > ROUNDING * root {
             return wrong(
-                "sd".into(),
+                "sd",
                 format!(
                     "the sd of {}, place {i}, is {sd}, but the covariance's diagonal says {variance}: only its square root {root} is allowed",
                     name(i)
@@ -188,7 +120,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
             let scale = c[i][i].sqrt() * c[j][j].sqrt();
             if (below - above).abs() > ROUNDING * scale {
                 return wrong(
-                    "covariance".into(),
+                    "covariance",
                     format!(
                         "of {} and {} it says {below} in row {i} and {above} in row {j}: only the same number is allowed",
                         name(i),
@@ -198,7 +130,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
             }
             if below.abs() > (1.0 + ROUNDING) * scale {
                 return wrong(
-                    "covariance".into(),
+                    "covariance",
                     format!(
                         "of {} and {} it says {below}: no correlation is beyond 1; from {} to {scale} is allowed",
                         name(i),
@@ -229,7 +161,7 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
     // Rounding of n entries adds up to at most n times that of one.
     if least < -ROUNDING * n as f64 {
         return wrong(
-            "covariance".into(),
+            "covariance",
             format!(
                 "its correlations contradict each other: some sum of the coefficients would have a negative variance (smallest eigenvalue of the correlations {least:.3e}, 0 or more is allowed)"
             ),
@@ -238,43 +170,11 @@ fn senseless(known: &Identified) -> Option<(String, String)> {
     None
 }
 
-/// Names of added mass, linear and quadratic damping in files, with their units.
-pub(crate) fn axis_keys(dof: Dof) -> [(&'static str, &'static str); 3] {
-    match dof {
-        Dof::Surge | Dof::Sway | Dof::Heave => [
-            ("added_kg", "kg"),
-            ("linear_kgps", "kg/s"),
-            ("quadratic_kgpm", "kg/m"),
-        ],
-        Dof::Roll | Dof::Pitch | Dof::Yaw => [
-            ("added_kgm2", "kg m2"),
-            ("linear_kgm2ps", "kg m2/s"),
-            ("quadratic_kgm2", "kg m2"),
-        ],
-    }
-}
-
-fn read_axis(s: &Section<'_>, dof: Dof) -> Option<AxisCoefficients> {
-    let [added, linear, quadratic] = axis_keys(dof).map(|(key, unit)| {
-        s.number(
-            key,
-            quantity(-1e7, 0.0, unit)
-                .hint("SNAME signs: added mass and damping are negative (X_udot = -250)"),
-        )
-    });
-    s.finish();
-    Some(AxisCoefficients {
-        added: added?,
-        linear: linear?,
-        quadratic: quadratic?,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::tests::tells;
+    use crate::raw::tests::tells;
     use crate::{Identified, Rig};
 
     fn rig() -> Rig {
