@@ -145,52 +145,6 @@ fn terminal_velocity_in_a_current_is_shifted_by_it() {
 }
 
 #[test]
-fn thrusters_side_by_side_give_the_mean_of_their_laws() {
-    let of = |width_n| entry("thruster_deadband", &[("width_n", width_n)]);
-    let entries = [
-        entry("thrust_asymmetry", &[("reverse_gain", 0.5)]),
-        of(0.2),
-        of(0.6),
-    ];
-    // A rig file holds each effect once.
-    assert!(EffectStack::build(&entries).is_err());
-    let each = |e: &PhysicsEntry| check(std::slice::from_ref(e)).unwrap().remove(0);
-    let checked: Vec<CheckedEffect> = entries.iter().map(each).collect();
-    let pushed = |load_n: f64, beside: bool| {
-        let mut stack = EffectStack::assemble(&checked, |_, _, v| v).unwrap();
-        if beside {
-            stack.side_by_side(1);
-        }
-        let model = Model {
-            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
-            effects: stack,
-        };
-        let mut r = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
-        r.command(0.0, surge(load_n)).unwrap();
-        r.state_at(0.01).unwrap().vehicle.nu[0]
-    };
-    let free = {
-        let model = Model {
-            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
-            effects: EffectStack::empty(),
-        };
-        let mut r = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
-        r.command(0.0, surge(1.0)).unwrap();
-        r.state_at(0.01).unwrap().vehicle.nu[0]
-    };
-    // Loads so small that nothing but inertia counts.
-    for (load_n, row_n, beside_n) in [
-        (0.1, 0.0, 0.0),
-        (0.4, 0.0, 0.1),
-        (1.0, 0.2, 0.6),
-        (-1.0, -0.1, -0.3),
-    ] {
-        assert!((pushed(load_n, false) / free - row_n).abs() < 1e-3);
-        assert!((pushed(load_n, true) / free - beside_n).abs() < 1e-3);
-    }
-}
-
-#[test]
 fn dof_words_move_a_thruster_effect() {
     let yaw = with_word(
         entry("thruster_deadband", &[("width_n", 0.4)]),

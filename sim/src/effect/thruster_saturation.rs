@@ -17,8 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         (0.0, 1e4),
         6.0,
     )
-    .limit()
-    .corner()],
+    .limit()],
     words: &[DOF],
     confusable: &[
         "constant_force",
