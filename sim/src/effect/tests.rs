@@ -1,13 +1,14 @@
-use super::testing::*;
 use super::*;
 use crate::Real;
 use crate::fixture::lshpi_rig;
 use crate::model::{Model, ModelState};
 use crate::trajectory::Trajectory;
 use crate::vehicle::Hydrodynamics;
+use fixtures::*;
 use hydroline_rigs::PhysicsEntry;
 use proptest::prelude::*;
 
+pub(in crate::effect) mod fixtures;
 mod registry;
 
 #[test]

@@ -49,7 +49,7 @@ impl<T: Real> Law<T> for Saturation<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::testing::*;
+    use crate::effect::tests::fixtures::*;
 
     #[test]
     fn the_load_is_cut_on_both_sides() {

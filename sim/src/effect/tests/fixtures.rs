@@ -1,6 +1,6 @@
 //! What the effects' unit tests share: entries, a vehicle without friction, forces at one state.
 
-use super::{EffectStack, Optics};
+use crate::effect::{EffectStack, Optics};
 use crate::fixture::lshpi_rig;
 use crate::model::{Model, ModelState};
 use crate::scene::{ColumnTruth, Pose6, Renderer};

@@ -7,14 +7,14 @@ use std::time::Duration;
 
 use hydroline_rigs::{DeviceIdentity, PixelFormat};
 
-use super::device::*;
-use super::setup::{CAP_CAPTURE, CAP_STREAMING};
-use super::stamp::flags;
+use crate::v4l::device::*;
+use crate::v4l::setup::{CAP_CAPTURE, CAP_STREAMING};
+use crate::v4l::stamp::flags;
 use hydroline_core::clock::{Clock, ManualClock};
 
 pub const MS: u64 = 1_000_000;
 pub const AUTO_EXPOSURE: u32 = 0x009a_0901;
-pub const EXPOSURE: u32 = super::controls::EXPOSURE_ABSOLUTE;
+pub const EXPOSURE: u32 = crate::v4l::controls::EXPOSURE_ABSOLUTE;
 pub const GAIN: u32 = 0x0098_0913;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,7 @@ use crate::hyper::{Cell, Cells, filters, ln_prior, ln_sum};
 use crate::prior::PriorTable;
 use crate::recording::Recording;
 use crate::search::{Options, search};
-use crate::testing::{Tank, entry};
+use crate::tests::fixtures::{Tank, entry};
 use hydroline_rigs::PhysicsEntry;
 
 /// Degrees of freedom of the proposal, and by how much it is wider than the posterior.

@@ -2,8 +2,8 @@
 //! every test run; the whole of it with
 //! `cargo test -p hydroline --lib stripe::accuracy -- --ignored --nocapture`.
 
-use super::synthetic::{StripeImage, render, row_bound_px};
-use super::{Extractor, ExtractorConfig, Profile, quality};
+use crate::synthetic::{StripeImage, render, row_bound_px};
+use crate::{Extractor, ExtractorConfig, Profile, quality};
 
 /// Error statistics over all points of some frames.
 #[derive(Debug, Default, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Frames that hold no stripe, or more than one: what must never go wrong.
 
-use super::synthetic::{StripeImage, render};
-use super::{Band, Extractor, ExtractorConfig, Profile, ProfileFault, quality};
+use crate::synthetic::{StripeImage, render};
+use crate::{Band, Extractor, ExtractorConfig, Profile, ProfileFault, quality};
 use hydroline_core::frame::GreyImage;
 use proptest::prelude::*;
 
