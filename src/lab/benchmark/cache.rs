@@ -201,7 +201,7 @@ fn broken(path: &Path, error: &std::io::Error) -> ProveError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{How, judge, make};
+    use crate::benchmark::{How, judge, make};
 
     #[test]
     fn a_kept_case_is_read_back_as_it_was_judged_and_only_for_its_own_seed() {

@@ -275,7 +275,7 @@ impl<'a> Along<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Category, make};
+    use crate::benchmark::{Category, make};
 
     /// What is laid down is what another tool needs, in columns of one length, and nothing of the key.
     #[test]

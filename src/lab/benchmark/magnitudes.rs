@@ -6,7 +6,7 @@
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use rand::{RngExt, rngs::StdRng};
 
-use crate::error::ProveError;
+use crate::benchmark::error::ProveError;
 
 /// Effects of the cases.
 pub const EFFECTS: [&str; 18] = [
@@ -132,10 +132,10 @@ mod tests {
             let known = entry(info.id, 0.5, 16.0, &mut rng).is_ok();
             assert_eq!(known, EFFECTS.contains(&info.id), "{}", info.id);
         }
-        for id in crate::external_law::NEAR
+        for id in crate::benchmark::external_law::NEAR
             .iter()
-            .chain(&crate::modulated::MODULATED)
-            .chain(&crate::paper::SET)
+            .chain(&crate::benchmark::modulated::MODULATED)
+            .chain(&crate::benchmark::paper::SET)
         {
             assert!(EFFECTS.contains(id), "{id}");
         }

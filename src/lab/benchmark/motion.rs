@@ -169,7 +169,7 @@ fn stepped(state: &State, rate: &State, step: f64) -> State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::magnitudes;
+    use crate::benchmark::magnitudes;
     use hydroline_rigs::Rig;
     use hydroline_sim::model::ModelState;
     use hydroline_sim::trajectory::Trajectory;

@@ -1,6 +1,6 @@
 //! The paper's own numbers: Tables 6, 8, 9, 10 and 11.
 
-use super::axis::AxisModel;
+use hydroline_identify::axis::AxisModel;
 
 /// Mass \[kg\] (Table 6).
 pub const MASS_KG: f64 = 29.777;

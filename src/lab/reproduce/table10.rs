@@ -8,7 +8,7 @@ use super::ReproduceError;
 use super::experiment::{Experiment, Seen, Swing, guess_of};
 use hydroline_identify::data::{Run, Start};
 use hydroline_identify::lm::LevenbergMarquardt;
-use hydroline_identify::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
+use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::Objective;
 use hydroline_identify::{ModelChoice, Options, identify};

@@ -4,9 +4,9 @@ use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry};
 use rand::{RngExt, rngs::StdRng};
 
 use super::make::{LARGEST, between};
-use crate::error::ProveError;
+use crate::benchmark::error::ProveError;
 
-/// Effects of the cases, drawn as often as each other: by hand, as [`crate::magnitudes`]. Held are those that matter:
+/// Effects of the cases, drawn as often as each other: by hand, as [`crate::benchmark::magnitudes`]. Held are those that matter:
 /// `cubic_damping` seldom, of which the vehicle's own coefficients leave a tolerance only near its largest.
 pub(super) const KINDS: [&str; 15] = [
     "thruster_lag",

@@ -11,8 +11,8 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::drawn::drawn;
-use crate::disturbance::Disturbance;
-use crate::error::ProveError;
+use crate::benchmark::disturbance::Disturbance;
+use crate::benchmark::error::ProveError;
 
 /// Runs of a case, and their length \[s\].
 const RUNS: usize = 4;
@@ -360,7 +360,7 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     There {
         name: all.join(" "),
         weight_tolerances,
-        numbers: crate::magnitudes::numbers(entry),
+        numbers: crate::benchmark::magnitudes::numbers(entry),
     }
 }
 
@@ -432,7 +432,7 @@ impl Log<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coupled::drawn::{self, KINDS};
+    use crate::benchmark::coupled::drawn::{self, KINDS};
     use hydroline_rigs::Dof;
 
     /// `lift_damping` was drawn with a key that the rig refuses: the case was drawn again, and none ever held it.

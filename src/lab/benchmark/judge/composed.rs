@@ -6,12 +6,12 @@ use hydroline_rigs::{PhysicsEntry, PlanStep, StepLoad, Wrench};
 use rand::{SeedableRng, rngs::StdRng};
 
 use super::Judged;
-use crate::case::Case;
-use crate::composed::Composed;
-use crate::error::ProveError;
-use crate::external_law::{ExternalLaw, Here};
-use crate::motion::Mover;
-use crate::plans;
+use crate::benchmark::case::Case;
+use crate::benchmark::composed::Composed;
+use crate::benchmark::error::ProveError;
+use crate::benchmark::external_law::{ExternalLaw, Here};
+use crate::benchmark::motion::Mover;
+use crate::benchmark::plans;
 
 /// Of the true force's largest size within the data: what a form that is called the law may be off by at most.
 const WRONG: f64 = 0.2;

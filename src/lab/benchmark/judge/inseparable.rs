@@ -6,9 +6,9 @@
 use nalgebra::DVector;
 
 use super::thresholds::{SCORED_M, SPLIT};
-use crate::case::{Case, Truth};
-use crate::error::ProveError;
-use crate::observer::Ideal;
+use crate::benchmark::case::{Case, Truth};
+use crate::benchmark::error::ProveError;
+use crate::benchmark::observer::Ideal;
 use hydroline_numerics::span::rms;
 
 /// Cosine of what two effects leave in the motion from which on one moves as the other.

@@ -2,7 +2,7 @@
 
 use super::inseparable::Sum;
 use super::thresholds::SCORED_M;
-use crate::case::{DELAYS, Truth};
+use crate::benchmark::case::{DELAYS, Truth};
 
 /// Share of a sum's weight below which what was found is not the sum.
 const HALF: f64 = 0.5;

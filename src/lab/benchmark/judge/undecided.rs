@@ -3,8 +3,8 @@
 use super::Found;
 use super::tally::Split;
 use super::thresholds::{SAID, SPLIT};
-use crate::case::Case;
-use crate::observer::Ideal;
+use crate::benchmark::case::Case;
+use crate::benchmark::observer::Ideal;
 
 /// The observer of a case, and what the diagnosis says of it.
 pub(super) struct Undecided<'a> {

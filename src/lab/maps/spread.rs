@@ -3,8 +3,8 @@
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::{Case, LOW_ETA_M, nodes, row};
-use crate::map::geometry::{apply, homography};
-use crate::map::{MapError, Method};
+use hydroline_calib::map::geometry::{apply, homography};
+use hydroline_calib::map::{MapError, Method};
 
 /// The limit asked of nodes good to 0.2 px \[mm\].
 pub const LIMIT_MM: f64 = 0.2;

@@ -1,10 +1,10 @@
 //! The camera that the maps are judged by: lens, flat port and water, by Snell's law.
 //!
-//! Shares no code with [`crate::map`]: the maps trace rays as vectors from the pixel
+//! Shares no code with [`hydroline_calib::map`]: the maps trace rays as vectors from the pixel
 //! outwards, this one solves the scalar refraction equation from the point inwards, by
 //! bisection, to the last bit.
 
-use crate::plane::ImageSize;
+use hydroline_calib::plane::ImageSize;
 
 /// A camera at (ξ, η, ζ) = (0, height, −distance), looking at the sheet's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -58,7 +58,7 @@ fn refractive_survives_a_change_of_water() {
             ..prior(&fresh)
         }),
     };
-    let crate::map::FittedMap::Refractive(map) = fit(Method::Refractive, &nodes, &options).unwrap()
+    let hydroline_calib::map::FittedMap::Refractive(map) = fit(Method::Refractive, &nodes, &options).unwrap()
     else {
         panic!("not refractive");
     };
@@ -104,7 +104,7 @@ fn refractive_in_other_water_knows_what_it_does_not_know() {
                 ..prior(&fresh)
             }),
         };
-        let crate::map::FittedMap::Refractive(map) =
+        let hydroline_calib::map::FittedMap::Refractive(map) =
             fit(Method::Refractive, &nodes, &options).unwrap()
         else {
             panic!("not refractive");

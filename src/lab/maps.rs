@@ -7,8 +7,8 @@ use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
 
-use crate::map::refractive::Known;
-use crate::map::{FitOptions, MapError, Method, Node, RefractivePrior, fit};
+use hydroline_calib::map::refractive::Known;
+use hydroline_calib::map::{FitOptions, MapError, Method, Node, RefractivePrior, fit};
 use truth::Rig;
 
 /// One line of the table.
