@@ -7,16 +7,6 @@
 //!
 //! The motion is integrated here and not by the diagnosis' one-DOF model, so that an error of that
 //! model cannot hide on both sides.
-//!
-//! ```
-//! use hydroline_benchmark::{Category, catalogue, make};
-//!
-//! assert_eq!(catalogue(460, None).len(), 460);
-//! let (case, again) = (make(1, Category::Single, 0)?, make(1, Category::Single, 0)?);
-//! assert_eq!(case.id, again.id);
-//! assert_eq!(case.category, Category::Single);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 pub mod cache;
 pub mod case;
@@ -27,8 +17,6 @@ pub mod error;
 pub mod experiment;
 pub mod export;
 pub mod external_law;
-#[cfg(test)]
-mod eyes;
 pub mod faulty;
 pub mod images;
 pub mod instrument;

@@ -7,9 +7,8 @@ use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
 
-use hydroline_calib::map::refractive::Known;
-use hydroline_calib::map::{FitOptions, MapError, Method, Node, RefractivePrior, fit};
-use truth::Rig;
+use hydroline_calib::map::{FitOptions, MapError, Method, Node, fit};
+use truth::{Rig, prior};
 
 /// One line of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,22 +118,6 @@ pub fn nodes(rig: &Rig, noise_px: f64, rng: &mut StdRng) -> Vec<Node> {
         }
     }
     nodes
-}
-
-/// What a builder would know of the study's rig: sizes to a few per cent, not the truth.
-pub fn prior(rig: &Rig) -> RefractivePrior {
-    RefractivePrior {
-        focal_px: Known::new(rig.focal_px * 1.01, 0.02 * rig.focal_px),
-        cx_px: Known::new(rig.centre_px[0] + 1.0, 3.0),
-        cy_px: Known::new(rig.centre_px[1] - 1.0, 3.0),
-        port_distance_m: Known::new(0.9 * rig.port_m, 0.005),
-        port_tilt_rad: Known::new(0.0, 0.01),
-        glass_m: rig.glass_m,
-        n_glass: rig.n_glass,
-        n_water: Known::new(rig.n_water, 0.002),
-        k1: Known::new(0.0, 0.3),
-        k2: Known::new(0.0, 0.3),
-    }
 }
 
 /// The table: every map in every case, 4000 test points each.

@@ -2,13 +2,6 @@
 //!
 //! Every frame goes the whole way (render → stripe → laser plane → estimate), once with the whole-pixel
 //! stripe and single points of the paper, once with ours, and stands beside the paper's number.
-//!
-//! ```
-//! // Figure 12 of every hundredth frame.
-//! let figure = hydroline_reproduce::figure12(100)?;
-//! assert!(!figure.series.is_empty() && figure.csv().starts_with("series,"));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 mod all_dofs;
 mod calibration;
@@ -17,9 +10,9 @@ mod disturbed;
 mod experiment;
 mod figure;
 mod figures;
+mod paper;
 mod surge;
 mod table10;
-mod table11;
 mod table3;
 
 pub use all_dofs::{DofRow, all_dofs, dofs};
@@ -27,10 +20,10 @@ pub use calibration::{CalibrationRow, CalibrationStudy};
 pub use disturbed::{Disturbed, JointAccuracy, disturbed, joint_accuracy};
 pub use figure::{Figure, Series};
 pub use figures::{figure12, figure13, figure17};
+pub use paper::{TABLE11_THRUST_N, Table11Row, table11};
 pub use surge::{Disturbance, SurgeRun, table7};
 pub use table3::{Row, table3};
 pub use table10::{Row as Table10Row, table10, table10_under};
-pub use table11::{TABLE11_THRUST_N, Table11Row, table11};
 
 use hydroline_rigs::RigError;
 use hydroline_sim::SceneError;

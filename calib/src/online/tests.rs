@@ -2,7 +2,7 @@ use super::*;
 use crate::board::coplanarity::Gap;
 use crate::calibration::compare::compare;
 use crate::detect::{BoardNode, Orientation};
-use crate::study::truth::Rig;
+use crate::synthetic::truth::Rig;
 use hydroline_rigs::BoardPattern;
 use nalgebra::DMatrix;
 use rand::{SeedableRng, rngs::StdRng};
@@ -198,7 +198,7 @@ fn calibration(method: Method, seed: u64, rig: &Rig, shift_m: f64) -> Calibratio
             method,
             fit: FitOptions {
                 image: None,
-                refractive: Some(crate::study::prior(rig)),
+                refractive: Some(crate::synthetic::truth::prior(rig)),
             },
             ..OnlineOptions::default()
         },

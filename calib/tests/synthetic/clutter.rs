@@ -67,7 +67,7 @@ pub fn clutter(size: [usize; 2], seed: u64) -> Vec<u8> {
             let greys = [any(130.0, 220.0), any(10.0, 90.0)];
             let stained: Vec<bool> = (0..1024).map(|_| any(0.0, 1.0) < 0.04).collect();
             each(size, |x, y| {
-                let Some([u, v]) = crate::map::geometry::apply(&floor, [x, y]) else {
+                let Some([u, v]) = hydroline_calib::map::geometry::apply(&floor, [x, y]) else {
                     return greys[1]; // beyond the horizon
                 };
                 let (du, dv) = (u - u.round(), v - v.round());

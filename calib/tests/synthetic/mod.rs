@@ -1,11 +1,16 @@
 //! Images of boards, and of what is no board, for tests and benches.
 //!
-//! Shares nothing with the detector but the board's dimensions ([`crate::board`]): the
+//! Shares nothing with the detector but the board's dimensions (`hydroline_calib::board`): the
 //! detector fits blurred patterns in a local perspective, here every subsample is a ray
 //! traced through lens, port and water ([`View`]) to solids and laser light (`world`), then
 //! blurred, lit, made noisy and quantised ([`finish`]).
 
+#![allow(dead_code, unused_imports)]
+
 mod clutter;
+/// The camera of the lab's comparison of maps, which no map knows.
+#[path = "../../../src/lab/maps/truth.rs"]
+pub mod truth;
 mod view;
 mod world;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use crate::study::truth::Rig;
+use super::truth::Rig;
 
 /// A camera looking at a board (ξ, η, ζ; the face at ζ = 0 is seen from ζ < 0).
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use hydroline_rigs::{Board, BoardPattern};
 
 use super::{LaserSheet, Scene, View, finish};
-use crate::board;
+use hydroline_calib::board;
 
 /// One box of the scene: low and high corner in (ξ, η, height).
 type Solid = ([f64; 3], [f64; 3]);

@@ -10,16 +10,15 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use hydroline_identify::axis::Axis;
-use hydroline_identify::cmaes::Cmaes;
 use hydroline_identify::data::{Command, Run, Sample, Start};
 use hydroline_identify::forward::Forward;
-use hydroline_identify::ga::Genetic;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::method::Method;
-use hydroline_identify::paper::TABLE9;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::{Objective, Problem};
 use hydroline_identify::{Options, identify};
+use hydroline_lab::cmaes::Cmaes;
+use hydroline_lab::ga::Genetic;
 use hydroline_rigs::{Dof, Rig};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
@@ -31,6 +30,8 @@ const CMAES_TIMES: f64 = 300.0;
 const UNCERTAINTY_S: f64 = 0.5;
 /// Relative difference of objectives that is rounding of sums taken in another order.
 const ROUNDING: f64 = 1e-9;
+/// Search ranges of X_udot, X_u, X_u|u| (the paper's Table 9).
+const TABLE9: [(f64, f64); 3] = [(-500.0, 0.0), (-100.0, 0.0), (-500.0, 0.0)];
 /// The paper's repetitions of `ga`, of which the best counts.
 const ASKED_REPEATS: usize = 10;
 /// Takes of what is over in seconds, of which the middle one counts, as `ga`'s time is that of ten repetitions: the machine

@@ -1,4 +1,5 @@
 use super::*;
+use hydroline_calib::map::{RefractivePrior, refractive::Known};
 
 fn of(method: Method, case: Case) -> Row {
     row(method, case, 7, 4000).unwrap()
@@ -58,7 +59,8 @@ fn refractive_survives_a_change_of_water() {
             ..prior(&fresh)
         }),
     };
-    let hydroline_calib::map::FittedMap::Refractive(map) = fit(Method::Refractive, &nodes, &options).unwrap()
+    let hydroline_calib::map::FittedMap::Refractive(map) =
+        fit(Method::Refractive, &nodes, &options).unwrap()
     else {
         panic!("not refractive");
     };

@@ -4,6 +4,7 @@
 //! outwards, this one solves the scalar refraction equation from the point inwards, by
 //! bisection, to the last bit.
 
+use hydroline_calib::map::{RefractivePrior, refractive::Known};
 use hydroline_calib::plane::ImageSize;
 
 /// A camera at (ξ, η, ζ) = (0, height, −distance), looking at the sheet's origin.
@@ -113,5 +114,21 @@ impl Rig {
             0.0
         };
         Some([self.centre_px[0] + scale * x, self.centre_px[1] + scale * y])
+    }
+}
+
+/// What a builder would know of the study's rig: sizes to a few per cent, not the truth.
+pub fn prior(rig: &Rig) -> RefractivePrior {
+    RefractivePrior {
+        focal_px: Known::new(rig.focal_px * 1.01, 0.02 * rig.focal_px),
+        cx_px: Known::new(rig.centre_px[0] + 1.0, 3.0),
+        cy_px: Known::new(rig.centre_px[1] - 1.0, 3.0),
+        port_distance_m: Known::new(0.9 * rig.port_m, 0.005),
+        port_tilt_rad: Known::new(0.0, 0.01),
+        glass_m: rig.glass_m,
+        n_glass: rig.n_glass,
+        n_water: Known::new(rig.n_water, 0.002),
+        k1: Known::new(0.0, 0.3),
+        k2: Known::new(0.0, 0.3),
     }
 }

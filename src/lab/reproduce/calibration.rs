@@ -1,11 +1,11 @@
 //! Every map from image to laser plane on one synthetic rig: which error belongs to which map.
 //!
-//! Rig, test points and truth are those of `calib::study`: the paper's geometry behind a flat port
+//! Rig, test points and truth are those of [`crate::maps`]: the paper's geometry behind a flat port
 //! (or in air), an 11 × 11 board with 50 mm pitch, 4000 points that no map was fitted to.
 
+use crate::maps::spread::{LIMIT_MM, Spread, over_seeds, perspective_alone};
+use crate::maps::{Case, EXPLANATION, table};
 use hydroline_calib::map::{MapError, Method};
-use hydroline_calib::study::spread::{LIMIT_MM, Spread, over_seeds, perspective_alone};
-use hydroline_calib::study::{Case, EXPLANATION, table};
 use serde::Serialize;
 use std::fmt;
 

@@ -1,9 +1,7 @@
-//! The paper's own numbers: Tables 6, 8, 9, 10 and 11.
+//! The paper's own numbers: Tables 10 and 11.
 
 use hydroline_identify::axis::AxisModel;
-
-/// Mass \[kg\] (Table 6).
-pub const MASS_KG: f64 = 29.777;
+use hydroline_identify::parameter::PAPER_MASS_KG;
 
 /// (what, X_udot, X_u, X_u|u|): Table 10, the actual parameters first.
 pub const TABLE10: [(&str, [f64; 3]); 4] = [
@@ -12,9 +10,6 @@ pub const TABLE10: [(&str, [f64; 3]); 4] = [
     ("with pitch", [-258.120, -18.8034, -208.059]),
     ("with pitch and yaw", [-256.532, -18.9499, -212.454]),
 ];
-
-/// Search ranges of X_udot, X_u, X_u|u| (Table 9).
-pub const TABLE9: [(f64, f64); 3] = [(-500.0, 0.0), (-100.0, 0.0), (-500.0, 0.0)];
 
 /// Thrusts of Table 11 \[N\].
 pub const TABLE11_THRUST_N: [f64; 3] = [4.0, 8.0, 16.0];
@@ -50,7 +45,7 @@ pub fn table11() -> Vec<Table11Row> {
 pub fn largest_error_m(actual: [f64; 3], found: [f64; 3], thrust_n: f64, length_m: f64) -> f64 {
     const STEP_S: f64 = 1e-3;
     let model = |[added, linear, quadratic]: [f64; 3]| AxisModel {
-        mass: MASS_KG - added,
+        mass: PAPER_MASS_KG - added,
         linear,
         quadratic,
         restoring_nm: 0.0,

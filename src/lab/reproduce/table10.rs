@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, Swing, guess_of};
+use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::data::{Run, Start};
 use hydroline_identify::lm::LevenbergMarquardt;
-use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::Objective;
 use hydroline_identify::{ModelChoice, Options, identify};
