@@ -128,7 +128,7 @@ fn calibrate(offset_m: f64, method: Method) -> Calibration {
 #[test]
 fn dimensions_of_a_test_object_from_rendered_boards() {
     let rig = Rig::behind_port();
-    for method in Method::ALL {
+    for &method in Method::ALL {
         let calibration = calibrate(0.0, method);
         let (least, most, rms) = dimensions(&calibration, &rig, 0.0);
         println!(

@@ -130,7 +130,7 @@ pub fn nodes(rig: &Rig, noise_px: f64, rng: &mut StdRng) -> Vec<Node> {
 pub fn table(seed: u64) -> Result<Vec<Row>, MapError> {
     let mut table = Vec::new();
     for case in Case::ALL {
-        for method in Method::ALL {
+        for &method in Method::ALL {
             table.push(row(method, case, seed, 4000)?);
         }
     }

@@ -209,7 +209,7 @@ fn calibration(method: Method, seed: u64, rig: &Rig, shift_m: f64) -> Calibratio
 
 #[test]
 fn files_read_back_to_the_same_map() {
-    for method in Method::ALL {
+    for &method in Method::ALL {
         let made = calibration(method, 4, &Rig::behind_port(), 0.0);
         let text = made.to_toml().unwrap();
         let again =

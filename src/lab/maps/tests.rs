@@ -147,7 +147,7 @@ fn maps_refuse_to_extrapolate_and_invert_themselves() {
         image: Some(rig.image()),
         refractive: Some(prior(&rig)),
     };
-    for method in Method::ALL {
+    for &method in Method::ALL {
         let map = fit(method, &nodes, &options).unwrap();
         for (xi, eta) in [(0.26, 0.0), (-0.27, -0.1), (0.0, 0.22), (0.1, -0.30)] {
             let p = rig.project(xi, eta, 0.0).unwrap();
