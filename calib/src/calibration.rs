@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::IdealMap;
 use crate::board::coplanarity::Coplanarity;
-use crate::map::{FittedMap, GridMap, HomographyMap, RefractiveMap};
+use crate::map::{FittedMap, HomographyMap, RefractiveMap};
 use crate::plane::{Fan, ImageSize, PlaneMap};
 use board_map::{BoardMap, NoMap};
 pub use board_map::{NodeResidual, Placement};
@@ -127,7 +127,8 @@ pub enum MapParameters {
     Ideal(IdealParameters),
     /// A literal Wang-Cheng map, rectified or not (`kind`).
     #[serde(rename = "grid")]
-    Grid(Box<GridMap>),
+    #[cfg(feature = "lab")]
+    Grid(Box<crate::map::GridMap>),
     /// Homography and Brown distortion.
     #[serde(rename = "homography")]
     Homography(Box<HomographyMap>),
@@ -141,6 +142,7 @@ impl MapParameters {
     pub fn method(&self) -> &'static str {
         match self {
             MapParameters::Ideal(_) => "eq11-12",
+            #[cfg(feature = "lab")]
             MapParameters::Grid(map) => map.kind().name(),
             MapParameters::Homography(_) => "homography",
             MapParameters::Refractive(_) => "refractive",

@@ -17,7 +17,6 @@ mod reason;
 mod refine;
 mod shared;
 mod smooth;
-pub mod synthetic;
 mod tone;
 
 pub(crate) use ends::part;

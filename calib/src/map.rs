@@ -19,12 +19,14 @@
 //! and answers nothing outside the hull of the nodes.
 
 pub mod geometry;
+#[cfg(feature = "lab")]
 pub mod grid;
 pub mod homography;
 pub mod lm;
 pub mod refractive;
 pub mod region;
 
+#[cfg(feature = "lab")]
 pub use grid::{GridKind, GridMap};
 pub use homography::HomographyMap;
 pub use refractive::{RefractiveMap, RefractivePrior};
@@ -69,12 +71,16 @@ impl Node {
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Quadratic longitudes and latitudes, linear between neighbours (Wang and Cheng).
+    #[cfg(feature = "lab")]
     Graticule,
     /// Inverse bilinear in each cell.
+    #[cfg(feature = "lab")]
     Bilinear,
     /// Least-squares affine in each cell.
+    #[cfg(feature = "lab")]
     Affine,
     /// One homography, then the graticule.
+    #[cfg(feature = "lab")]
     RectifiedGraticule,
     /// Homography and Brown distortion with free centre.
     Homography,
@@ -83,11 +89,15 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods, literal ones first.
-    pub const ALL: [Method; 6] = [
+    /// All methods, literal ones first; those of the feature `lab` are kept to be compared with.
+    pub const ALL: &[Method] = &[
+        #[cfg(feature = "lab")]
         Method::Affine,
+        #[cfg(feature = "lab")]
         Method::Bilinear,
+        #[cfg(feature = "lab")]
         Method::Graticule,
+        #[cfg(feature = "lab")]
         Method::RectifiedGraticule,
         Method::Homography,
         Method::Refractive,
@@ -96,9 +106,13 @@ impl Method {
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
+            #[cfg(feature = "lab")]
             Method::Graticule => "graticule",
+            #[cfg(feature = "lab")]
             Method::Bilinear => "bilinear",
+            #[cfg(feature = "lab")]
             Method::Affine => "affine",
+            #[cfg(feature = "lab")]
             Method::RectifiedGraticule => "rectified-graticule",
             Method::Homography => "homography",
             Method::Refractive => "refractive",
@@ -107,7 +121,7 @@ impl Method {
 
     /// The method of that name.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|m| m.name() == name)
+        Self::ALL.iter().copied().find(|m| m.name() == name)
     }
 }
 
@@ -179,6 +193,7 @@ pub struct FitOptions {
 #[derive(Debug, Clone, PartialEq)]
 pub enum FittedMap {
     /// A literal reading of Wang and Cheng, rectified first or not.
+    #[cfg(feature = "lab")]
     Grid(GridMap),
     /// Homography and Brown distortion.
     Homography(HomographyMap),
@@ -193,9 +208,13 @@ pub enum FittedMap {
 pub fn fit(method: Method, nodes: &[Node], options: &FitOptions) -> Result<FittedMap, MapError> {
     check_nodes(nodes)?;
     Ok(match method {
+        #[cfg(feature = "lab")]
         Method::Graticule => FittedMap::Grid(GridMap::fit(GridKind::Graticule, nodes)?),
+        #[cfg(feature = "lab")]
         Method::Bilinear => FittedMap::Grid(GridMap::fit(GridKind::Bilinear, nodes)?),
+        #[cfg(feature = "lab")]
         Method::Affine => FittedMap::Grid(GridMap::fit(GridKind::Affine, nodes)?),
+        #[cfg(feature = "lab")]
         Method::RectifiedGraticule => {
             FittedMap::Grid(GridMap::fit(GridKind::RectifiedGraticule, nodes)?)
         }
@@ -218,10 +237,23 @@ fn check_nodes(nodes: &[Node]) -> Result<(), MapError> {
     }
 }
 
+/// The same question to whichever map it is.
+macro_rules! each {
+    ($fitted:expr, $map:ident => $answer:expr) => {
+        match $fitted {
+            #[cfg(feature = "lab")]
+            FittedMap::Grid($map) => $answer,
+            FittedMap::Homography($map) => $answer,
+            FittedMap::Refractive($map) => $answer,
+        }
+    };
+}
+
 impl FittedMap {
     /// The method this map was fitted with.
     pub fn method(&self) -> Method {
         match self {
+            #[cfg(feature = "lab")]
             FittedMap::Grid(map) => match map.kind() {
                 GridKind::Graticule => Method::Graticule,
                 GridKind::Bilinear => Method::Bilinear,
@@ -238,11 +270,7 @@ impl FittedMap {
         if !(column_px.is_finite() && row_px.is_finite()) {
             return None;
         }
-        match self {
-            FittedMap::Grid(map) => map.to_plane(column_px, row_px),
-            FittedMap::Homography(map) => map.to_plane(column_px, row_px),
-            FittedMap::Refractive(map) => map.to_plane(column_px, row_px),
-        }
+        each!(self, map => map.to_plane(column_px, row_px))
     }
 
     /// The pixel at which a sheet point is seen.
@@ -250,11 +278,7 @@ impl FittedMap {
         if !self.region().contains(xi_m, eta_m) {
             return None;
         }
-        match self {
-            FittedMap::Grid(map) => map.to_image(xi_m, eta_m),
-            FittedMap::Homography(map) => map.to_image(xi_m, eta_m),
-            FittedMap::Refractive(map) => map.to_image(xi_m, eta_m),
-        }
+        each!(self, map => map.to_image(xi_m, eta_m))
     }
 
     /// d(ξ, η)/d(column, row) \[m/px\].
@@ -262,19 +286,11 @@ impl FittedMap {
         if !(column_px.is_finite() && row_px.is_finite()) {
             return None;
         }
-        match self {
-            FittedMap::Grid(map) => map.jacobian(column_px, row_px),
-            FittedMap::Homography(map) => map.jacobian(column_px, row_px),
-            FittedMap::Refractive(map) => map.jacobian(column_px, row_px),
-        }
+        each!(self, map => map.jacobian(column_px, row_px))
     }
 
     /// Where the map holds.
     pub fn region(&self) -> &Region {
-        match self {
-            FittedMap::Grid(map) => map.region(),
-            FittedMap::Homography(map) => map.region(),
-            FittedMap::Refractive(map) => map.region(),
-        }
+        each!(self, map => map.region())
     }
 }

@@ -67,8 +67,6 @@ mod speckle;
 mod stack;
 mod table;
 mod target_scale;
-#[cfg(test)]
-mod testing;
 mod tether_spring;
 mod thrust_asymmetry;
 mod thrust_line_offset;

@@ -22,8 +22,6 @@
 pub mod body;
 pub mod closed;
 mod equations;
-#[cfg(test)]
-mod exact;
 pub mod filter;
 pub mod fit;
 pub mod given;
@@ -44,5 +42,7 @@ pub mod summary;
 pub mod table;
 mod tables;
 pub mod term;
+
 #[cfg(test)]
-mod testing;
+#[path = "tests/unit/mod.rs"]
+mod tests;

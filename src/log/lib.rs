@@ -51,8 +51,6 @@ mod scan;
 mod seal;
 mod settings;
 mod space;
-#[cfg(test)]
-pub(crate) mod testing;
 mod time;
 mod topic;
 pub mod trace;

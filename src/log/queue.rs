@@ -212,8 +212,8 @@ impl<T> Queue<T> {
 #[cfg(test)]
 mod tests {
     use super::super::messages::pb;
-    use super::super::testing::{command, grey_frame};
     use super::*;
+    use crate::tests::fixtures::{command, grey_frame};
     use proptest::prelude::*;
 
     fn item(log_ns: u64, entry: Entry) -> Queued {

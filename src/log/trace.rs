@@ -98,9 +98,9 @@ impl Visit for Text {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::MemoryDisk;
     use super::super::*;
     use super::*;
+    use crate::tests::fixtures::MemoryDisk;
     use hydroline_core::clock::SystemClock;
     use std::path::Path;
     use tracing_subscriber::prelude::*;

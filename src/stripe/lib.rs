@@ -25,8 +25,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#[cfg(test)]
-mod accuracy;
 mod band;
 mod banding;
 mod ceiling;
@@ -43,18 +41,10 @@ mod noise;
 mod output;
 mod path;
 mod report;
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod robustness;
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod room;
-#[cfg_attr(test, allow(clippy::unwrap_used))]
 mod scatter;
 mod segments;
 pub mod synthetic;
 mod trace;
-#[cfg_attr(test, allow(clippy::unwrap_used))]
 mod transpose;
 
 pub use band::Band;
@@ -161,3 +151,7 @@ pub enum ProfileFault {
         needed: usize,
     },
 }
+
+#[cfg(test)]
+#[path = "tests/unit/mod.rs"]
+mod tests;

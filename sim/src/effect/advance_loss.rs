@@ -45,7 +45,7 @@ impl<T: Real> Law<T> for Loss<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::testing::*;
+    use crate::effect::tests::fixtures::*;
 
     #[test]
     fn speed_takes_thrust_either_way() {

@@ -17,8 +17,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         (0.0, 1e4),
         6.0,
     )
-    .limit()
-    .corner()],
+    .limit()],
     words: &[DOF],
     confusable: &[
         "constant_force",
@@ -50,7 +49,7 @@ impl<T: Real> Law<T> for Saturation<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::testing::*;
+    use crate::effect::tests::fixtures::*;
 
     #[test]
     fn the_load_is_cut_on_both_sides() {

@@ -2,7 +2,6 @@
 //!
 //! The rule: an error that could have been known from the arguments and files alone, before any work, is theirs.
 
-use hydroline_benchmark::ProveError;
 use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
 use hydroline_calib::flat::FlatError;
@@ -23,7 +22,6 @@ use hydroline_import::{ImportError, MapError};
 use hydroline_live::LiveError;
 use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
-use hydroline_reproduce::ReproduceError;
 use hydroline_rigs::RigError;
 use hydroline_sim::{EffectError, SceneError, SimError, ThrustError};
 use hydroline_thruster::controller::PtyError;
@@ -298,7 +296,8 @@ impl Sorted for JoinError {
     }
 }
 
-impl Sorted for ProveError {
+#[cfg(feature = "lab")]
+impl Sorted for hydroline_lab::benchmark::ProveError {
     fn is_input(&self) -> bool {
         matches!(self, Self::UnknownCase { .. } | Self::Kept { .. })
     }
@@ -319,7 +318,8 @@ impl Sorted for FlatError {
     }
 }
 
-impl Sorted for ReproduceError {
+#[cfg(feature = "lab")]
+impl Sorted for hydroline_lab::reproduce::ReproduceError {
     fn is_input(&self) -> bool {
         // The rigs are built in; what can be misnamed is the target.
         matches!(self, Self::Rig(_))

@@ -28,6 +28,4 @@ pub use options::LightOptions;
 pub use search::{Looked, look};
 
 #[cfg(test)]
-mod eyes;
-#[cfg(test)]
 mod tests;

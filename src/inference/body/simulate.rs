@@ -4,7 +4,7 @@ use hydroline_identify::parameter::Term as CoefficientTerm;
 use hydroline_numerics::cancel;
 use hydroline_sim::effect::Trend;
 use hydroline_sim::model::{Model, ModelState};
-use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
+use hydroline_sim::single::{Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use hydroline_sim::{Dual, EffectStack, Real};
@@ -139,19 +139,11 @@ impl Body {
             given: self.inputs[index].as_ref(),
         };
         let mut out = Vec::with_capacity(r.times_s.len());
-        let mut single = Single::new(model.hydrodynamics, *line);
-        single.run(
-            &model.effects,
-            &feed,
-            start,
-            &mut AsTheyAre,
-            |_| T::zero(),
-            |x| {
-                let mut state = [T::zero(); 12];
-                state[line.dof] = x;
-                out.push(state);
-            },
-        );
+        Single::new(model.hydrodynamics, *line).run(&model.effects, &feed, start, |x| {
+            let mut state = [T::zero(); 12];
+            state[line.dof] = x;
+            out.push(state);
+        });
         out
     }
 

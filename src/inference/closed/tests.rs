@@ -2,7 +2,7 @@ use super::*;
 use crate::fit::Effort;
 use crate::hyper::{Cell, Cells};
 use crate::prior::PriorTable;
-use crate::testing::{Tank, entry};
+use crate::tests::fixtures::{Tank, entry};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::form::FORMS;

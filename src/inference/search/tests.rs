@@ -4,7 +4,7 @@ use super::*;
 use crate::posterior::Posterior;
 use crate::prior::PriorTable;
 use crate::recording::Recording;
-use crate::testing::{Tank, entry};
+use crate::tests::fixtures::{Tank, entry};
 use hydroline_rigs::{PhysicsEntry, Rig};
 use std::time::Instant;
 

@@ -1,0 +1,5 @@
+//! The extractor on synthetic stripes with known truth.
+
+mod accuracy;
+mod robustness;
+mod room;
