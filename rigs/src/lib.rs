@@ -27,6 +27,7 @@
 
 pub mod bounded;
 pub mod camera;
+pub mod channel;
 pub mod laser;
 pub mod physics;
 pub mod pixel_format;

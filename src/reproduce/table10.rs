@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, Swing, guess_of};
-use hydroline_identify::data::{Run, Start};
+use hydroline_core::run::Run;
+use hydroline_identify::data::Start;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::parameter::Coefficient;
