@@ -22,7 +22,9 @@
 
 pub use hydroline_capture as capture;
 pub use hydroline_cli as cli;
-pub use hydroline_core::{build_info, clock, event, frame, session, shutdown, thread_class, water};
+pub use hydroline_core::{
+    build_info, clock, event, frame, run, session, shutdown, thread_class, water,
+};
 pub use hydroline_daemon::live as live_run;
 pub use hydroline_daemon::{
     analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,

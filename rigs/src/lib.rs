@@ -31,6 +31,7 @@ mod raw;
 
 pub mod bounded;
 pub mod camera;
+pub mod channel;
 pub mod laser;
 pub mod physics;
 pub mod pixel_format;

@@ -1,5 +1,6 @@
 //! Tank, limits, tolerance and logging settings.
 
+use crate::channel::PerChannel;
 use crate::raw::{Kind, Quantity, Section, angle, angles, interval, number, numbers, whole};
 
 const fn length() -> Quantity {
@@ -118,12 +119,12 @@ table! {
 
 impl Tolerance {
     /// Of each channel: position, attitude, velocity, rate.
-    pub fn channels(&self) -> [f64; 12] {
-        std::array::from_fn(|c| match c {
-            0..3 => self.position_m,
-            3..6 => self.attitude_rad,
-            6..9 => self.speed_mps,
-            _ => self.rate_radps,
+    pub fn channels(&self) -> PerChannel<f64> {
+        PerChannel::from_fn(|c| match (c.is_rate(), c.is_angular()) {
+            (false, false) => self.position_m,
+            (false, true) => self.attitude_rad,
+            (true, false) => self.speed_mps,
+            (true, true) => self.rate_radps,
         })
     }
 }

@@ -13,7 +13,7 @@
 //! "nothing changed" (s fixed) and "something else" (θ_d free, with a broad prior).
 
 use crate::sheet::{Cause, Change, Coefficients, Number};
-use hydroline_identify::data::Run;
+use hydroline_core::run::Run;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_identify::{

@@ -1,8 +1,8 @@
 //! What a unit of work finds: what is kept, and what the table and the page are made of.
 
+use hydroline_core::run::Run;
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_identify::Identification;
-use hydroline_identify::data::{CHANNELS, Run};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -195,11 +195,11 @@ impl Motion {
         let step = run.samples.len().div_ceil(MOTION_POINTS).max(1);
         let mut channels: BTreeMap<String, Vec<[f32; 2]>> = BTreeMap::new();
         for sample in run.samples.iter().step_by(step) {
-            for (channel, value) in CHANNELS.iter().zip(sample.values) {
+            for (channel, value) in sample.values.each() {
                 if value.is_finite() {
                     // Seven digits are more than a line on a page shows.
-                    let points = channels.entry((*channel).to_owned()).or_default();
-                    points.push([sample.t_s as f32, value as f32]);
+                    let points = channels.entry(channel.name().to_owned()).or_default();
+                    points.push([sample.t_s as f32, *value as f32]);
                 }
             }
         }

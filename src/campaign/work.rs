@@ -8,10 +8,12 @@ use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Motion, RunSheet, SetSh
 use crate::store::{Store, StoreError};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
+use hydroline_core::run::{Channel, Run};
 use hydroline_diagnose::{diagnose, read};
-use hydroline_identify::data::{CHANNELS, LoadError, Run, load};
+use hydroline_identify::data::{LoadError, load};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
+use hydroline_numerics::statistics::extent;
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 use rayon::prelude::*;
@@ -387,15 +389,10 @@ fn diagnosed(paths: &[PathBuf], rig: &Rig) -> Result<Diagnosed, String> {
 /// Least and greatest of what was measured.
 fn range(run: &Run) -> BTreeMap<String, [f64; 2]> {
     let mut found = BTreeMap::new();
-    for (c, name) in CHANNELS.iter().enumerate() {
-        let values = run.samples.iter().map(|s| s.values[c]);
-        let range = values
-            .filter(|v| v.is_finite())
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
-                [low.min(v), high.max(v)]
-            });
-        if range[0] <= range[1] {
-            found.insert((*name).to_owned(), range);
+    for c in Channel::ALL {
+        let (low, high) = extent(run.measured(c));
+        if low <= high {
+            found.insert(c.name().to_owned(), [low, high]);
         }
     }
     found

@@ -363,9 +363,9 @@ impl Noise {
     fn measure(&mut self, unix_ns: u64, pose: &Pose6) -> pb::VehicleMotion {
         let [x, y, z, phi, theta, psi] = pose.to_array();
         let mut position = |v: f64| Some(v + self.position.sample(&mut self.rng));
-        let (x_m, y_m, z_m) = (position(x), position(y), position(z));
+        let [x, y, z] = [x, y, z].map(&mut position);
         let mut attitude = |v: f64| Some(v + self.attitude.sample(&mut self.rng));
-        let (phi_rad, theta_rad, psi_rad) = (attitude(phi), attitude(theta), attitude(psi));
+        let [phi, theta, psi] = [phi, theta, psi].map(&mut attitude);
         let (p, a) = (
             self.position.std_dev().powi(2),
             self.attitude.std_dev().powi(2),
@@ -375,15 +375,8 @@ impl Noise {
             covariance[7 * i] = variance;
         }
         pb::VehicleMotion {
-            timestamp: Some(timestamp(unix_ns)),
-            x_m,
-            y_m,
-            z_m,
-            phi_rad,
-            theta_rad,
-            psi_rad,
             covariance,
-            ..pb::VehicleMotion::default()
+            ..pb::VehicleMotion::of_pose(unix_ns, [x, y, z, phi, theta, psi])
         }
     }
 }

@@ -6,8 +6,9 @@
 use hydroline_calib::IdealMap;
 use hydroline_capture::CaptureError;
 use hydroline_capture::sim::Scene;
+use hydroline_core::run::PerChannel;
 use hydroline_log::Recorder;
-use hydroline_log::messages::{pb::VehicleMotion, timestamp};
+use hydroline_log::messages::pb::VehicleMotion;
 use hydroline_rigs::{Board, Rig};
 use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
 use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
@@ -91,24 +92,7 @@ impl SimulatedVehicle {
 
 /// A state as the message that `/sim/truth` and simulated `/vehicle/motion` carry.
 pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
-    let [x, y, z, phi, theta, psi] = state.eta.map(Some);
-    let [u, v, w, p, q, r] = state.nu.map(Some);
-    VehicleMotion {
-        timestamp: Some(timestamp(unix_ns)),
-        x_m: x,
-        y_m: y,
-        z_m: z,
-        phi_rad: phi,
-        theta_rad: theta,
-        psi_rad: psi,
-        u_mps: u,
-        v_mps: v,
-        w_mps: w,
-        p_radps: p,
-        q_radps: q,
-        r_radps: r,
-        ..VehicleMotion::default()
-    }
+    VehicleMotion::of(unix_ns, PerChannel::of_state(state.eta, state.nu).map(Some))
 }
 
 /// White of a board under the room's light \[grey levels\].

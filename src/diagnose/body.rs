@@ -29,7 +29,8 @@ use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Verdict, Word};
 use found::Judged;
 use giving::Asking;
-use hydroline_identify::data::{CHANNELS, Run, is_still};
+use hydroline_core::run::{Channel, Run};
+use hydroline_identify::data::is_still;
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
@@ -63,15 +64,14 @@ pub fn diagnose(
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
     let recording = Recording::new(&runs, rig.tank.start_pose[5]);
-    let measured = |d: &usize| recording.channels[*d] || recording.channels[6 + d];
     let asked: Vec<usize> = (0..6)
-        .filter(|d| beside.given.contains(&Dof::ALL[*d]) && measured(d))
+        .filter(|d| beside.given.contains(&Dof::ALL[*d]) && recording.measures(*d))
         .collect();
     let mut dofs = recording.moving(&rig.tolerance.channels());
     // A fault in a channel that nothing is asked of stops nothing.
     let counts = |fault: &DataFault| {
-        let channel = CHANNELS.iter().position(|c| *c == fault.channel);
-        channel.is_none_or(|c| dofs.contains(&(c % 6)))
+        let channel = Channel::named(&fault.channel);
+        channel.is_none_or(|c| dofs.contains(&c.dof().index()))
     };
     let mut made = match stopped_by_faults(sources, held, rig, counts) {
         ControlFlow::Break(stopped) => return Ok(stopped),
@@ -146,7 +146,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
 /// Noise of every channel, and the share of its samples that are outliers.
 fn noise_found(problem: &Problem) -> BTreeMap<String, NoiseFound> {
     let mut made = BTreeMap::new();
-    for (c, noise) in problem.noises.channels.iter().enumerate() {
+    for (c, noise) in problem.noises.channels.each() {
         let Some(n) = noise else { continue };
         let flags = problem.noises.used.iter().zip(&problem.body.recording.runs);
         let (mut out, mut all) = (0usize, 0usize);
@@ -164,7 +164,7 @@ fn noise_found(problem: &Problem) -> BTreeMap<String, NoiseFound> {
             correlation_s: n.correlation_s,
             outliers: out as f64 / all.max(1) as f64,
         };
-        made.insert(Recording::name(c).to_owned(), of);
+        made.insert(c.name().to_owned(), of);
     }
     made
 }

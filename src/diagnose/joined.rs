@@ -3,7 +3,7 @@
 //! A command that acts later and a clock that is off by as much make the same motion. Where the offset was estimated from
 //! that motion, every latency is in it already; where it was measured, a latency within its uncertainty may be none.
 
-use hydroline_identify::data::{Joined, Run};
+use hydroline_core::run::{Joined, Run};
 use hydroline_rigs::Rig;
 
 use crate::verdict::{Value, Verdict, Word};
@@ -108,7 +108,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::verdict::{Effect, Law};
-    use hydroline_identify::data::Command;
+    use hydroline_core::run::Command;
 
     fn found(delay_s: f64) -> Verdict {
         let effect = |id: &str, parameter: &str, value| Effect {

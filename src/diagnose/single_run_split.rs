@@ -6,7 +6,7 @@
 use hydroline_rigs::{Dof, Rig};
 
 use super::source::Source;
-use hydroline_identify::data::{CHANNELS, Run};
+use hydroline_core::run::{Channel, Run};
 
 /// Stretches of a recording.
 const STRETCHES: usize = 4;
@@ -64,7 +64,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
     }
     // What has a place to swing about: roll and pitch.
     [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
-        let channel = dof.index();
+        let channel = Channel::POSES[dof.index()];
         let rest = run.median(channel)?;
         let angles: Vec<(f64, f64)> = run
             .samples
@@ -95,7 +95,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
         // another place was not released.
         let swing_s = turn.0 - at_s;
         (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
-            .then(|| (turn.0, CHANNELS[channel]))
+            .then(|| (turn.0, channel.name()))
     })
 }
 
@@ -103,7 +103,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use hydroline_identify::data::{Command, Sample};
+    use hydroline_core::run::{Command, Sample};
 
     /// At rest, pressed to one side, held for a second, released at 8 s.
     fn decay() -> Run {
@@ -115,8 +115,8 @@ mod tests {
                 t if t < 8.0 => -0.18,
                 t => -0.18 * (-0.03 * (t - 8.0)).exp() * (2.2 * (t - 8.0)).cos(),
             };
-            let mut values = [f64::NAN; 12];
-            values[3] = phi + 0.01;
+            let mut values = PerChannel::NAN;
+            values[Channel::Phi] = phi + 0.01;
             Sample {
                 t_s,
                 values,

@@ -8,7 +8,8 @@ use hydroline_rigs::Rig;
 use super::faults::{Records, fault, faults};
 use super::single_run_split::release_instant;
 use super::verdict::DataFault;
-use hydroline_identify::data::{Joined, LoadError, Run, load_messages};
+use hydroline_core::run::{Joined, Run};
+use hydroline_identify::data::{LoadError, load_messages};
 use hydroline_log::messages::{timestamp, unix_ns};
 use hydroline_log::{LogReader, Record};
 

@@ -6,10 +6,10 @@
 use std::cell::OnceCell;
 
 use hydroline_calib::Calibration;
+use hydroline_core::run::Command;
 use hydroline_design::{
     DesignError, Designed, Options as DesignOptions, Purpose, Set, design, not_shown_yet,
 };
-use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Rig};
 
 use super::Beside;

@@ -5,7 +5,7 @@
 //! costs many fits; it is the same for all of these.
 
 use super::coupled::{Coupled, every_pose_is_known};
-use super::data::{Run, Start, is_still};
+use super::data::{Start, is_still};
 use super::estimate::IdentifyError;
 use super::forward::Forward;
 use super::lm::descend;
@@ -13,6 +13,7 @@ use super::outcome::Identification;
 use super::parameter::Coefficient;
 use super::problem::Problem;
 use super::uncertainty::covariance;
+use hydroline_core::run::Run;
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
@@ -94,9 +95,9 @@ pub fn refit(runs: &[Run], rig: &Rig, before: &Identification) -> Result<Refitte
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::{Command, Sample};
     use crate::lm::LevenbergMarquardt;
     use crate::{ModelChoice, Options, identify};
+    use hydroline_core::run::{Command, Sample};
     use hydroline_rigs::Dof;
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, Normal};

@@ -13,8 +13,6 @@ mod names;
 mod options;
 mod watch;
 
-use hydroline_identify::data::CHANNELS;
-
 use super::map::PLACES;
 use super::table::Imported;
 pub(crate) use finding::FindingList;
@@ -67,8 +65,5 @@ fn too_short(rows: usize) -> Finding {
 
 /// Name of a channel for messages.
 fn name(place: usize) -> &'static str {
-    CHANNELS
-        .get(place)
-        .copied()
-        .unwrap_or_else(|| super::map::place_name(place))
+    super::map::place_name(place)
 }

@@ -19,7 +19,7 @@ use super::number_prior::NumberPrior;
 use super::prior::PriorTable;
 use super::recording::Recording;
 use super::term::{Candidate, Kind};
-use hydroline_identify::data::Run;
+use hydroline_core::run::{Channel, PerChannel, Run};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 
@@ -269,17 +269,18 @@ impl Problem {
     }
 
     /// All runs.
-    pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<[f64; 12]>> {
+    pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<PerChannel<f64>>> {
         (0..self.runs())
             .into_par_iter()
             .map(|run| self.body.values(run, terms, point))
             .collect()
     }
 
-    /// Channels of one DOF that are measured.
+    /// Channels of one DOF that are measured, by their places among its two.
     fn measured(&self, dof: usize) -> Vec<usize> {
+        let both = Channel::of(dof);
         (0..2)
-            .filter(|c| self.noises.channels[dof + 6 * c].is_some())
+            .filter(|c| self.noises.channels[both[*c]].is_some())
             .collect()
     }
 
@@ -288,7 +289,7 @@ impl Problem {
         &self,
         run: usize,
         dof: usize,
-        values: &[[f64; 12]],
+        values: &[PerChannel<f64>],
         filter: &Filter,
     ) -> Vec<[f64; 2]> {
         let r = &self.body.recording.runs[run];
@@ -298,13 +299,7 @@ impl Problem {
             .enumerate()
             .map(|(k, p)| {
                 let m = r.measured(k);
-                [0, 1].map(|c| {
-                    if used[k][dof + 6 * c] {
-                        m[dof + 6 * c] - p[dof + 6 * c]
-                    } else {
-                        0.0
-                    }
-                })
+                Channel::of(dof).map(|c| if used[k][c] { m[c] - p[c] } else { 0.0 })
             })
             .collect();
         filter.apply(&mut series);
@@ -315,15 +310,15 @@ impl Problem {
     pub fn white_column(
         &self,
         dof: usize,
-        column: &[[f64; 12]],
+        column: &[PerChannel<f64>],
         filter: &Filter,
     ) -> Option<Vec<[f64; 2]>> {
-        let measured = self.measured(dof);
-        let acts = column
-            .iter()
-            .any(|v| measured.iter().any(|c| v[dof + 6 * c] != 0.0));
+        let both = Channel::of(dof);
+        let measured = |c: &&Channel| self.noises.channels[**c].is_some();
+        let mut each = column.iter();
+        let acts = each.any(|v| both.iter().filter(measured).any(|c| v[*c] != 0.0));
         acts.then(|| {
-            let mut series: Vec<[f64; 2]> = column.iter().map(|v| [v[dof], v[6 + dof]]).collect();
+            let mut series: Vec<[f64; 2]> = column.iter().map(|v| both.map(|c| v[c])).collect();
             filter.apply(&mut series);
             series
         })
@@ -389,7 +384,7 @@ impl Problem {
     /// without the constant.
     ///
     /// `values` = channels per run and sample, rotated as measured ones are.
-    pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
+    pub fn cost_of(&self, values: &[Vec<PerChannel<f64>>]) -> f64 {
         let median = self.body.prior.misfit_over_tolerance;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
@@ -404,7 +399,7 @@ impl Problem {
     }
 
     /// Cost alone.
-    fn cost(&self, values: &[Vec<[f64; 12]>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
+    fn cost(&self, values: &[Vec<PerChannel<f64>>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
         let mut sum = 0.0;
         for (dof, filters) in filters {
             for (run, (v, filter)) in values.iter().zip(filters).enumerate() {

@@ -10,6 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
+use hydroline_core::run::Channel;
 use hydroline_identify::parameter::Term;
 
 use super::body::Own;
@@ -253,10 +254,11 @@ impl Search<'_> {
         };
         let Problem { body, noises, .. } = &self.problem;
         let far = |d: &usize| {
-            let channel = if noises.channels[*d].is_some() {
-                *d
+            let [place, rate] = Channel::of(*d);
+            let channel = if noises.channels[place].is_some() {
+                place
             } else {
-                6 + *d
+                rate
             };
             let worth = SIZES[best.cells.misfit[*d].size] * body.tolerance[channel];
             let noise = noises.channels[channel].map_or(0.0, |n| n.total_sd());

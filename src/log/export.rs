@@ -344,25 +344,12 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
 
 fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
     row.cell(log_ns).cell(stamp_ns);
-    for value in [
-        m.x_m,
-        m.y_m,
-        m.z_m,
-        m.phi_rad,
-        m.theta_rad,
-        m.psi_rad,
-        m.u_mps,
-        m.v_mps,
-        m.w_mps,
-        m.p_radps,
-        m.q_radps,
-        m.r_radps,
-    ] {
+    for value in m.channels() {
         row.maybe(value.filter(|v| v.is_finite()));
     }
     let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();
     row.text(&covariance.join(" "));
-    for value in [m.rudder_rad, m.elevator_rad, m.shaft_radps, m.wave_m] {
+    for value in m.companions() {
         row.maybe(value.filter(|v| v.is_finite()));
     }
     row.end();

@@ -8,7 +8,7 @@ use crate::inputs::input;
 use crate::support::{elements, read_markup};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
-use hydroline::identify::data::{Command, Run, Sample};
+use hydroline::run::{Command, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
@@ -218,7 +218,7 @@ pub fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run 
     for k in 0..400 {
         let t_s = 0.006 + 0.04 * f64::from(k);
         let eta = path.state_at(t_s).unwrap().vehicle.eta;
-        let mut values = [f64::NAN; 12];
+        let mut values = PerChannel::NAN;
         for c in 0..6 {
             values[c] = eta[c] + if c < 3 { 1.5e-4 } else { 1.7e-4 } * noise(&mut state);
         }

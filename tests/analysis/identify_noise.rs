@@ -6,10 +6,11 @@ use crate::experiment::{
     TestNoise, WHITE, decoupled, inside, other_vehicle, quick, simulated, surge, surge_runs,
 };
 use hydroline::identify::adopt::adopt;
-use hydroline::identify::data::{Run, Start};
+use hydroline::identify::data::Start;
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::problem::Objective;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
+use hydroline::run::Run;
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};

@@ -10,10 +10,11 @@ use crate::experiment::{
 };
 use crate::inputs::input;
 use crate::support::{elements, read_markup};
-use hydroline::identify::data::{Run, Sample, Start, load};
+use hydroline::identify::data::{Start, load};
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
 use hydroline::import::{self, Map, import, read};
+use hydroline::run::{Run, Sample};
 use hydroline_rigs::{Dof, Plan, Rig, StepLoad, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -207,7 +208,7 @@ fn free_motion(
     let sample = |k: usize| {
         let t_s = 0.04 * k as f64;
         let state = path.state_at(t_s).unwrap().vehicle;
-        let mut values = [f64::NAN; 12];
+        let mut values = PerChannel::NAN;
         for (c, sd) in kept {
             let noise: f64 = StandardNormal.sample(&mut rng);
             let truth = if *c < 6 {

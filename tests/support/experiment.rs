@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use hydroline::identify::Identification;
-use hydroline::identify::data::{Command, Run, Sample};
 use hydroline::identify::lm::LevenbergMarquardt;
 use hydroline::identify::parameter::Coefficient;
+use hydroline::run::{Command, Run, Sample};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -63,7 +63,7 @@ pub fn simulated(
         .map(|k| {
             let t_s = 0.006 + 0.04 * k as f64;
             let eta = path.state_at(t_s).unwrap().vehicle.eta;
-            let mut values = [f64::NAN; 12];
+            let mut values = PerChannel::NAN;
             let spoilt = chance.random::<f64>() < noise.outliers;
             for c in 0..6 {
                 let sd = if c < 3 {
@@ -121,7 +121,8 @@ pub fn surge_runs(vehicle: &Vehicle, noise: TestNoise, seed: u64) -> Vec<Run> {
         ),
         (
             "steps",
-            (0..12)
+            Channel::ALL
+                .into_iter()
                 .map(|k| {
                     (
                         2.0 * f64::from(k),

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+use hydroline_core::run::{Command, Run, Sample};
 use hydroline_diagnose::{Source, diagnose};
-use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
@@ -36,7 +36,7 @@ fn run(rig: &Rig, k: usize) -> Run {
     }
     for i in 0..600u32 {
         let t_s = 0.006 + 0.04 * f64::from(i);
-        let mut values = [f64::NAN; 12];
+        let mut values = PerChannel::NAN;
         let shake = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
         values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
         made.samples.push(Sample {

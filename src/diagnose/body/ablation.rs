@@ -4,7 +4,6 @@ use hydroline_inference::fit::{Effort, Fit};
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::Kind;
 
-use super::effects::table;
 use super::found::{Judged, relative};
 use crate::verdict::AblationStep;
 
@@ -43,8 +42,8 @@ impl Judged<'_> {
     fn step(&self, effect: String, fit: &Fit, held: &Rms) -> AblationStep {
         AblationStep {
             effect,
-            train: table(&self.found.problem.left(&fit.terms, &fit.point)),
-            held_out: table(held),
+            train: self.found.problem.left(&fit.terms, &fit.point).by_name(),
+            held_out: held.by_name(),
         }
     }
 

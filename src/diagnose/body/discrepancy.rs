@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use hydroline_identify::data::CHANNELS;
+use hydroline_core::run::{Channel, PerChannel};
 use hydroline_inference::fit::Fit;
 use hydroline_inference::hyper::SIZES;
 use hydroline_inference::posterior::UNNAMED;
@@ -26,7 +26,7 @@ pub fn mattering(
     candidates: &[Candidate],
     terms: &[usize],
     weights: &[Rms],
-    tolerance: &[f64; 12],
+    tolerance: &PerChannel<f64>,
     unsure: impl Fn(usize) -> f64,
 ) -> BTreeSet<usize> {
     let heavy = terms
@@ -206,7 +206,7 @@ impl Judged<'_> {
         let unit = if dof < 3 { "N" } else { "N m" };
         let force = shown[top];
         Some(Unexplained {
-            channel: CHANNELS[channel].to_owned(),
+            channel: channel.name().to_owned(),
             weight: weights[channel],
             depends_on: covariate.to_owned(),
             range: [knots[first], knots[last]],
@@ -235,11 +235,7 @@ impl Judged<'_> {
         let body = &self.found.problem.body;
         let cell = self.best.cells.misfit[dof];
         let over = SIZES[cell.size];
-        let channel = if body.recording.channels[dof] {
-            dof
-        } else {
-            6 + dof
-        };
+        let channel = body.recording.channel_of(dof);
         let weight = over * body.tolerance[channel];
         let name = Dof::ALL[dof].name();
         let unit = if dof < 3 { "N" } else { "N m" };
@@ -248,7 +244,7 @@ impl Judged<'_> {
         let size = force.sd_mps2 * h.mass()[dof];
         let p = self.unnamed_in(dof);
         Unexplained {
-            channel: CHANNELS[channel].to_owned(),
+            channel: channel.name().to_owned(),
             weight,
             depends_on: "time".to_owned(),
             range: [f64::NAN, f64::NAN],
@@ -277,10 +273,10 @@ fn extent(force_at: &[f64]) -> Option<(usize, usize, usize)> {
 }
 
 /// Channel in which a weight is largest over its tolerance.
-fn heaviest(weight: &Rms, tolerance: &[f64; 12]) -> usize {
-    let over = |c: &usize| weight[*c] / tolerance[*c];
-    let finite = (0..12).filter(|c| over(c).is_finite());
+fn heaviest(weight: &Rms, tolerance: &PerChannel<f64>) -> Channel {
+    let over = |c: &Channel| weight[*c] / tolerance[*c];
+    let finite = Channel::ALL.into_iter().filter(|c| over(c).is_finite());
     finite
         .max_by(|a, b| over(a).total_cmp(&over(b)))
-        .unwrap_or(0)
+        .unwrap_or(Channel::X)
 }

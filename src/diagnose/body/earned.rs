@@ -3,12 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use hydroline_identify::data::CHANNELS;
+use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term;
 use hydroline_inference::body::Own;
 use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
-use hydroline_rigs::Dof;
 
 use super::found::Judged;
 use crate::verdict::{Unexplained, Value};
@@ -28,8 +27,8 @@ const WORSE: f64 = 0.1;
 /// What is left in a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
-    /// Place among all channels.
-    pub channel: usize,
+    /// Channel.
+    pub channel: Channel,
     /// rms of the residuals that no change of the model's numbers takes away \[SI\].
     pub rms: f64,
     /// sd of the instrument \[SI\].
@@ -61,11 +60,10 @@ impl Judged<'_> {
     pub fn look_at_what_is_left(&self) -> Vec<Left> {
         let problem = &self.found.problem;
         let closest = problem.closest(&self.best.terms, &self.best.point);
-        let rms = closest.map_or([f64::NAN; 12], |p| problem.left_of(&p));
+        let rms = closest.map_or(PerChannel::NAN, |p| problem.left_of(&p));
         let mut all = Vec::new();
         for (d, runs) in problem.innovations(&self.best.terms, &self.best.point) {
-            for c in 0..2 {
-                let channel = d + 6 * c;
+            for (c, channel) in Channel::of(d).into_iter().enumerate() {
                 let Some(noise) = problem.noises.channels[channel] else {
                     continue;
                 };
@@ -110,13 +108,13 @@ impl Judged<'_> {
         });
         left.filter(|l| {
             let of = |u: &Unexplained| {
-                let at = CHANNELS.iter().position(|c| *c == u.channel);
-                at.is_some_and(|c| c % 6 == l.channel % 6)
+                let at = Channel::named(&u.channel);
+                at.is_some_and(|c| c.dof() == l.channel.dof())
             };
             !named.iter().any(of)
         })
         .map(|l| Unexplained {
-            channel: CHANNELS[l.channel].to_owned(),
+            channel: l.channel.name().to_owned(),
             weight: l.beyond(),
             depends_on: "time".to_owned(),
             range: [f64::NAN, f64::NAN],
@@ -124,8 +122,8 @@ impl Judged<'_> {
             term: format!(
                 "{:.2e} rms is left in {} ({}), where the instrument's noise is {:.2e}",
                 l.rms,
-                CHANNELS[l.channel],
-                Dof::ALL[l.channel % 6].name(),
+                l.channel.name(),
+                l.channel.dof().name(),
                 l.noise
             ),
             knots: Vec::new(),
@@ -222,7 +220,7 @@ impl Judged<'_> {
             let left = problem.left_by_run(&of.values);
             let runs = left.len().max(1) as f64;
             let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
-                let channels = problem.noises.channels.iter().enumerate();
+                let channels = problem.noises.channels.each();
                 channels.filter_map(|(c, noise)| {
                     let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
                     let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::adopt::put;
-use hydroline_identify::data::CHANNELS;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
@@ -29,12 +28,6 @@ const LEAST_SHARE: f64 = 1e-4;
 const PROBABLE: f64 = 0.01;
 /// Models listed.
 const MODELS: usize = 8;
-
-/// Channels that are measured.
-pub fn table(rms: &Rms) -> BTreeMap<String, f64> {
-    let each = rms.iter().enumerate().filter(|(_, v)| v.is_finite());
-    each.map(|(c, v)| (CHANNELS[c].to_owned(), *v)).collect()
-}
 
 /// Numbers of several models, by their probabilities: mean, and sd with what the means differ by.
 fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
@@ -139,7 +132,7 @@ impl Judged<'_> {
                     dof: place(c),
                     probability: e.probability,
                     established: e.probability >= ESTABLISHED,
-                    weight: table(weight),
+                    weight: weight.by_name(),
                     matters: size > 1.0,
                     law,
                     law_exact_probability: Some(exact),
@@ -271,7 +264,7 @@ impl Judged<'_> {
                     effects: terms.iter().map(|t| self.label(*t)).collect(),
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
-                    train: table(&self.found.problem.left(terms, &fit.point)),
+                    train: self.found.problem.left(terms, &fit.point).by_name(),
                     held_out: BTreeMap::new(),
                 })
             })
@@ -283,9 +276,9 @@ impl Judged<'_> {
         let noise = self.noise();
         let mut made = FitTable {
             train: BeforeAfter {
-                before: table(&problem.left(&self.alone.terms, &self.alone.point)),
-                after: table(&problem.left(&self.best.terms, &self.best.point)),
-                noise: table(&noise),
+                before: problem.left(&self.alone.terms, &self.alone.point).by_name(),
+                after: problem.left(&self.best.terms, &self.best.point).by_name(),
+                noise: noise.by_name(),
             },
             ..FitTable::default()
         };
@@ -303,9 +296,9 @@ impl Judged<'_> {
         };
         if let Some(predicted) = predicted {
             made.held_out = BeforeAfter {
-                before: table(&predicted.rms.0),
-                after: table(&predicted.rms.1),
-                noise: table(&noise),
+                before: predicted.rms.0.by_name(),
+                after: predicted.rms.1.by_name(),
+                noise: noise.by_name(),
             };
             made.held_out_by = how;
         }
@@ -326,16 +319,16 @@ impl Judged<'_> {
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
         let (before, after) = &self.one_run_out.as_ref()?.rms;
         Some(BeforeAfter {
-            before: table(before),
-            after: table(after),
-            noise: table(&self.noise()),
+            before: before.by_name(),
+            after: after.by_name(),
+            noise: self.noise().by_name(),
         })
     }
 
     /// sd of the instruments \[SI\].
     pub fn noise(&self) -> Rms {
         let channels = &self.found.problem.noises.channels;
-        std::array::from_fn(|c| channels[c].map_or(f64::NAN, |n| n.total_sd()))
+        channels.map(|noise| noise.map_or(f64::NAN, |n| n.total_sd()))
     }
 
     /// Vehicle and established effects of the likeliest model into a rig.

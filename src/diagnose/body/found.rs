@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hydroline_identify::data::Run;
+use hydroline_core::run::{PerChannel, Run};
 use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::posterior::Posterior;
@@ -291,7 +291,7 @@ fn groups_of(
 }
 
 /// Largest weight over the tolerance of its channel.
-pub fn relative(weight: &Rms, tolerance: &[f64; 12]) -> f64 {
+pub fn relative(weight: &Rms, tolerance: &PerChannel<f64>) -> f64 {
     let each = weight.iter().zip(tolerance).map(|(w, t)| w / t);
     let finite = each.filter(|v| v.is_finite());
     // What gives no finite motion by itself matters.

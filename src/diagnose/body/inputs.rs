@@ -1,6 +1,6 @@
 //! What was not explained but drove the rest: DOFs that moved as they were measured, and companions.
 
-use hydroline_identify::data::{CHANNELS, COMPANIONS};
+use hydroline_core::run::{COMPANIONS, Channel};
 use hydroline_inference::body::Body;
 use hydroline_rigs::Dof;
 
@@ -46,10 +46,10 @@ impl Inputs<'_> {
         let nobody = self.body.given.iter().filter(|d| self.cause(**d).is_none());
         nobody
             .map(|d| {
-                let channel = if self.body.recording.channels[*d] { *d } else { 6 + d };
+                let channel = self.body.recording.channel_of(*d);
                 let moves = self.extent(channel);
                 Unexplained {
-                    channel: CHANNELS[channel].to_owned(),
+                    channel: channel.name().to_owned(),
                     weight: moves,
                     depends_on: "time".to_owned(),
                     range: [f64::NAN, f64::NAN],
@@ -57,7 +57,7 @@ impl Inputs<'_> {
                     term: format!(
                         "{} moves ({} by {moves:.3} rms) though nothing commanded it, and no model follows: its measured motion was taken as given (--given {} says that it is an input)",
                         Dof::ALL[*d].name(),
-                        CHANNELS[channel],
+                        channel.name(),
                         Dof::ALL[*d].name()
                     ),
                     knots: Vec::new(),
@@ -71,10 +71,9 @@ impl Inputs<'_> {
     }
 
     /// rms of a channel about its mean, the largest of all runs \[SI\].
-    fn extent(&self, channel: usize) -> f64 {
+    fn extent(&self, channel: Channel) -> f64 {
         let runs = self.body.recording.runs.iter().map(|r| {
-            let seen = r.values.iter().map(|v| v[channel]);
-            let seen: Vec<f64> = seen.filter(|v| v.is_finite()).collect();
+            let seen: Vec<f64> = r.seen(channel).collect();
             let n = seen.len().max(1) as f64;
             let mean = seen.iter().sum::<f64>() / n;
             (seen.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
@@ -111,9 +110,9 @@ impl Inputs<'_> {
             if rates.iter().any(|r| r != "0") {
                 notes.push(format!(
                     "{} is steady and given: {} {} by run",
-                    CHANNELS[6 + d],
+                    Channel::RATES[d].name(),
                     rates.join(", "),
-                    if d < 3 { "m/s" } else { "rad/s" }
+                    Channel::RATES[d].unit()
                 ));
             }
         }

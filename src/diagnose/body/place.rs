@@ -6,7 +6,6 @@ use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
 
 use super::earned::worst;
-use super::effects::table;
 use super::found::{Judged, relative};
 use crate::verdict::{Test, Where};
 
@@ -84,7 +83,7 @@ impl Judged<'_> {
             freedom,
             p_value: chi2_above(value, freedom),
             whiteness_p: whiteness.collect(),
-            noise_rms: table(&self.noise()),
+            noise_rms: self.noise().by_name(),
         }
     }
 

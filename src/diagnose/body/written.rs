@@ -8,7 +8,6 @@ use hydroline_inference::term::Candidate;
 use hydroline_sim::effect::form::{FORMS, NUMBERS, Parity, Shape, form, piece};
 use hydroline_sim::effect::written_force::{PIECES, TIMES, is_a_rate};
 
-use super::effects::table as channels;
 use super::found::Judged;
 use crate::verdict::{ClosedForm, ESTABLISHED, Piece, Value, WrittenForm};
 
@@ -204,8 +203,8 @@ impl Judged<'_> {
             none_probability: none,
             forms,
             force_at: at.unwrap_or_default(),
-            left_out: left_out.map_or_else(BTreeMap::new, |l| channels(&l.0)),
-            left_out_table: left_out.map_or_else(BTreeMap::new, |l| channels(&l.1)),
+            left_out: left_out.map_or_else(BTreeMap::new, |l| l.0.by_name()),
+            left_out_table: left_out.map_or_else(BTreeMap::new, |l| l.1.by_name()),
             sentence,
         })
     }

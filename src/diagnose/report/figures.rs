@@ -2,7 +2,7 @@
 
 use super::{Shown, Trace};
 use crate::verdict::Unexplained;
-use hydroline_identify::data::CHANNELS;
+use hydroline_core::run::Channel;
 use hydroline_identify::figures::{Left, autocorrelation, commands, interval_s, residuals};
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
@@ -58,9 +58,9 @@ pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
             outliers.iter().map(|(t, v)| [*t, v * factor]).collect(),
         ),
     ];
-    let dof = CHANNELS.iter().position(|c| *c == channel);
-    if let (Some(dof), [first, .., last]) = (dof, &trace.times_s[..]) {
-        panels.extend(commands(&trace.edges, dof % 6, [*first, *last]));
+    let own = Channel::named(channel);
+    if let (Some(own), [first, .., last]) = (own, &trace.times_s[..]) {
+        panels.extend(commands(&trace.edges, own.dof().index(), [*first, *last]));
     }
     Figure::stack(
         format!(

@@ -1,6 +1,6 @@
 //! Columns named like another channel than the one they are mapped to.
 
-use hydroline_identify::data::CHANNELS;
+use hydroline_core::run::Channel;
 
 use super::{Finding, FindingList, name as name_of};
 use crate::map::{Column, Map, Origin, PLACES};
@@ -21,7 +21,7 @@ pub(super) fn check(map: &Map, findings: &mut Vec<Finding>) {
         let known = PLAIN
             .iter()
             .position(|p| *p == name)
-            .or_else(|| CHANNELS.iter().position(|c| *c == name));
+            .or_else(|| Channel::named(&name).map(Channel::index));
         let known = known.or_else(|| WORDS.iter().find(|(w, _)| *w == name).map(|w| w.1));
         if let Some(known) = known.filter(|k| *k != place) {
             findings.warning(
@@ -29,7 +29,7 @@ pub(super) fn check(map: &Map, findings: &mut Vec<Finding>) {
                 format!(
                     "column '{column}' is mapped to {} though it is named like {}",
                     name_of(place),
-                    CHANNELS[known]
+                    name_of(known)
                 ),
             );
         }

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 use super::{Problem, align};
-use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_core::run::{Command, Run, Sample};
 
 /// A vehicle of one degree of freedom, by small steps of another scheme than the estimate's.
 struct Pair {
@@ -58,7 +58,7 @@ fn pair(seed: u64, has_velocity: bool) -> Pair {
     for k in 0..90_000 {
         let t = f64::from(k) * 1e-3;
         if k % 50 == 0 {
-            let mut values = [f64::NAN; 12];
+            let mut values = PerChannel::NAN;
             values[0] = x + place.sample(&mut rng);
             values[5] = 0.0;
             if has_velocity {

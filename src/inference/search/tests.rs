@@ -219,7 +219,7 @@ fn report(problem: Problem, begun: Instant) {
             best.covariance[(i, i)].sqrt()
         );
     }
-    let short = |r: [f64; 12]| -> Vec<String> {
+    let short = |r: PerChannel<f64>| -> Vec<String> {
         r.iter()
             .filter(|v| v.is_finite())
             .map(|v| format!("{v:.2e}"))

@@ -9,8 +9,9 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use hydroline_core::run::{Command, Run, Sample};
 use hydroline_identify::axis::Axis;
-use hydroline_identify::data::{Command, Run, Sample, Start};
+use hydroline_identify::data::Start;
 use hydroline_identify::forward::Forward;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::method::Method;

@@ -138,16 +138,9 @@ impl Tank {
             made.noise_m.push(noise[k]);
             made.outlier.push(far[k] != 0.0);
             let [y, z, phi, theta, psi] = others;
-            made.motion.push(pb::VehicleMotion {
-                timestamp: Some(timestamp(at_ns(*t_s))),
-                x_m: Some(x[k] + noise[k] + far[k]),
-                y_m: Some(y),
-                z_m: Some(z),
-                phi_rad: Some(phi),
-                theta_rad: Some(theta),
-                psi_rad: Some(psi),
-                ..pb::VehicleMotion::default()
-            });
+            let pose = [x[k] + noise[k] + far[k], y, z, phi, theta, psi];
+            let motion = pb::VehicleMotion::of_pose(at_ns(*t_s), pose.map(Some));
+            made.motion.push(motion);
         }
         Ok(made)
     }

@@ -5,8 +5,8 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use hydroline_core::run::{Channel, Run};
 use hydroline_diagnose::Source;
-use hydroline_identify::data::{CHANNELS, Run};
 use hydroline_inference::body::Body;
 use hydroline_inference::given::given;
 use hydroline_inference::prior::PriorTable;
@@ -137,7 +137,7 @@ impl<'a> Along<'a> {
             body,
             run,
             motion: given(run, &body.dofs, &[], rest, &body.tolerance),
-            rest: std::array::from_fn(|c| rest[c]),
+            rest: rest.pose(),
         }
     }
 
@@ -156,16 +156,17 @@ impl<'a> Along<'a> {
     }
 
     fn table(&self) -> String {
-        let measured: Vec<usize> = (0..12)
+        let measured: Vec<Channel> = Channel::ALL
+            .into_iter()
             .filter(|c| self.body.recording.channels[*c])
             .collect();
         let dofs = &self.body.dofs;
         let mut text = "t_s".to_owned();
         for c in &measured {
-            let _ = write!(text, ",{}", CHANNELS[*c]);
+            let _ = write!(text, ",{}", c.name());
         }
         for d in dofs {
-            let (place, rate) = (CHANNELS[*d], CHANNELS[6 + d]);
+            let [place, rate] = Channel::of(*d).map(Channel::name);
             let _ = write!(text, ",smooth_{place},smooth_{rate},smooth_d_{rate}2");
         }
         for d in dofs {

@@ -7,7 +7,7 @@
 //! Of a law near the library's it is asked whether it can be seen at all that the law is another one: it knows that law,
 //! and takes it where it is likelier than the best model of the library.
 
-use hydroline_identify::data::Run;
+use hydroline_core::run::{Channel, PerChannel, Run};
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::{Effort, Fit, Problem};
 use hydroline_inference::hyper::{Cell, Cells};
@@ -77,10 +77,10 @@ fn problem(case: &Case) -> Option<Problem> {
         })
         .collect();
     let (noise, _) = estimate(&series)?;
-    made.noises.channels[SURGE] = Some(noise);
+    made.noises.channels[Channel::X] = Some(noise);
     for (used, k) in made.noises.used.iter_mut().zip(&case.key.runs) {
         for (sample, outlier) in used.iter_mut().zip(&k.outlier) {
-            sample[SURGE] = !outlier;
+            sample[Channel::X] = !outlier;
         }
     }
     Some(made)
@@ -172,7 +172,12 @@ impl Ideal {
         let problem = &self.found.problem;
         let each = best.terms.iter().zip(problem.weights(best));
         let mut found: Vec<(String, f64)> = each
-            .map(|(t, w)| (problem.body.candidates[*t].info.id.to_owned(), w[SURGE]))
+            .map(|(t, w)| {
+                (
+                    problem.body.candidates[*t].info.id.to_owned(),
+                    w[Channel::X],
+                )
+            })
             .collect();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         found
@@ -196,11 +201,11 @@ impl Ideal {
     fn gain_of_the_noise(&self, case: &Case) -> (f64, f64) {
         let problem = &self.found.problem;
         let recorded = problem.body.recording.runs.iter().zip(&case.key.runs);
-        let motion: Vec<Vec<[f64; 12]>> = recorded
+        let motion: Vec<Vec<PerChannel<f64>>> = recorded
             .map(|(r, k)| {
                 let each = k.noise_m.iter().enumerate().map(|(i, noise)| {
                     let mut there = r.measured(i);
-                    there[SURGE] -= noise;
+                    there[Channel::X] -= noise;
                     there
                 });
                 each.collect()
@@ -230,7 +235,7 @@ impl Ideal {
         let problem = &self.found.problem;
         let over = problem.over(&[last], &case.sealed.rig).ok()?;
         let over = over.without_outliers(best);
-        Some(over.left_of(&over.predict(best)?.values)[SURGE])
+        Some(over.left_of(&over.predict(best)?.values)[Channel::X])
     }
 
     /// Log evidence by which the truth beats the same model without some of its effects; `None` where one of them is not

@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen, guess_of};
-use hydroline_identify::data::{Run, Start};
+use hydroline_core::run::Run;
+use hydroline_identify::data::Start;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::{ModelChoice, Options, identify};

@@ -16,7 +16,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::ReproduceError;
 use hydroline_core::frame::GreyImage;
-use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_pose::Pose;
 use hydroline_pose::estimators::{self, Chain, ChainFix, Crossing};
@@ -164,7 +164,7 @@ impl Experiment {
     pub fn run(&self, seen: &Seen, positions: &[f64]) -> Run {
         let i = self.dof.index();
         let only =
-            |v: f64| -> [f64; 12] { std::array::from_fn(|c| if c == i { v } else { f64::NAN }) };
+            |v: f64| PerChannel::from_fn(|c| if c == Channel::POSES[i] { v } else { f64::NAN });
         Run {
             name: self.name.clone(),
             commands: self

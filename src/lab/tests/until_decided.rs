@@ -3,10 +3,10 @@
 
 use std::collections::BTreeSet;
 
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::until::{Options, Series, Step};
 use hydroline_diagnose::verdict::Effect;
 use hydroline_diagnose::{Diagnosis, Source};
-use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Plan, Rig};
 use hydroline_sim::model::{Model, ModelState};
@@ -108,12 +108,12 @@ impl Tank {
         for n in 0..(end_s * RATE_HZ) as u32 {
             let t_s = 0.006 + f64::from(n) / RATE_HZ;
             let pose = path.state_at(t_s).unwrap().vehicle.eta;
-            let mut values = [f64::NAN; 12];
-            for c in 0..6 {
+            let mut values = PerChannel::NAN;
+            for (c, channel) in Channel::POSES.into_iter().enumerate() {
                 let sd = NOISE[usize::from(c > 2)];
                 let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
                 colour[c] = decay * colour[c] + sd * (1.0 - decay * decay).sqrt() * normal();
-                values[c] = pose[c] + sd * normal() + colour[c];
+                values[channel] = pose[c] + sd * normal() + colour[c];
             }
             made.samples.push(Sample {
                 t_s,

@@ -1,6 +1,6 @@
 //! Runs made in memory.
 
-use hydroline_identify::data::{Command, Run, Sample};
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
@@ -90,13 +90,13 @@ impl Tank {
                     let state = path.state_at(seen).unwrap().vehicle;
                     let effects = &path.model().effects;
                     let pose = effects.reported_pose(seen, effects.scene_pose(seen, state.eta));
-                    let mut values = [f64::NAN; 12];
-                    for c in 0..6 {
+                    let mut values = PerChannel::NAN;
+                    for (c, channel) in Channel::POSES.into_iter().enumerate() {
                         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
                         let sd = self.white[usize::from(c > 2)];
                         colour[c] = decay * colour[c]
                             + self.coloured * sd * (1.0 - decay * decay).sqrt() * normal();
-                        values[c] = pose[c] + sd * normal() + colour[c];
+                        values[channel] = pose[c] + sd * normal() + colour[c];
                     }
                     made.samples.push(Sample {
                         t_s,

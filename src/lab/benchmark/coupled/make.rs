@@ -1,7 +1,7 @@
 //! How a coupled case is made.
 
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::Source;
-use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::VehicleState;
 use hydroline_sim::model::{Model, ModelState};
@@ -88,11 +88,11 @@ impl Instruments {
         }
     }
 
-    /// First of the six channels that it measures.
-    fn first(self) -> usize {
+    /// The six channels that it measures.
+    fn measured(self) -> [Channel; 6] {
         match self {
-            Instruments::Velocities => 6,
-            _ => 0,
+            Instruments::Velocities => Channel::RATES,
+            _ => Channel::POSES,
         }
     }
 }
@@ -144,7 +144,7 @@ fn motion(
     rig: &Rig,
     commands: &[Command],
     stamps_s: &[f64],
-) -> Result<Option<Vec<[f64; 12]>>, ProveError> {
+) -> Result<Option<Vec<PerChannel<f64>>>, ProveError> {
     let model = Model::from_rig(rig)?;
     let start = ModelState::at_rest(rig.tank.start_pose);
     let mut path = Trajectory::new(model, start, STEP_S)?;
@@ -161,9 +161,7 @@ fn motion(
         };
         let effects = &path.model().effects;
         let pose = effects.reported_pose(t_s, effects.scene_pose(t_s, eta));
-        seen.push(std::array::from_fn(
-            |c| if c < 6 { pose[c] } else { nu[c - 6] },
-        ));
+        seen.push(PerChannel::of_state(pose, nu));
     }
     let finite = seen.iter().flatten().all(|v| v.is_finite());
     Ok(finite.then_some(seen))
@@ -173,8 +171,8 @@ fn motion(
 struct Runs<'a> {
     commands: &'a [Vec<Command>],
     stamps_s: &'a [f64],
-    /// First of the six channels measured.
-    first: usize,
+    /// The six channels measured.
+    measured: [Channel; 6],
 }
 
 /// What is measured of all runs in tolerances, end to end; `None` where a motion does not stay finite.
@@ -186,7 +184,7 @@ fn all(rig: &Rig, runs: &Runs<'_>) -> Result<Option<DVector<f64>>, ProveError> {
             return Ok(None);
         };
         for seen in seen {
-            made.extend((runs.first..runs.first + 6).map(|c| seen[c] / tolerance[c]));
+            made.extend(runs.measured.map(|c| seen[c] / tolerance[c]));
         }
     }
     Ok(Some(DVector::from_vec(made)))
@@ -284,7 +282,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
         let runs = Runs {
             commands: &plans,
             stamps_s: &stamps_s,
-            first: instruments.first(),
+            measured: instruments.measured(),
         };
         let Some(weights) = weights(&water, &runs)? else {
             last = "no finite motion".to_owned();
@@ -388,7 +386,7 @@ impl Log<'_> {
         let Some(motion) = motion(self.water, &commands, stamps_s)? else {
             return Ok(None);
         };
-        let x: Vec<f64> = motion.iter().map(|p| p[0]).collect();
+        let x: Vec<f64> = motion.iter().map(|p| p[Channel::X]).collect();
         let noise: Vec<Vec<f64>> = (0..3)
             .map(|_| disturbance.along(stamps_s, &x, rng))
             .collect();
@@ -396,17 +394,16 @@ impl Log<'_> {
         let arrives = disturbance.arrives(stamps_s, rng);
         let mut samples = Vec::new();
         for (k, t_s) in stamps_s.iter().enumerate() {
-            let mut values = [f64::NAN; 12];
-            let first = self.instruments.first();
-            for c in first..first + 6 {
+            let mut values = PerChannel::NAN;
+            for c in self.instruments.measured() {
                 let any: f64 = StandardNormal.sample(rng);
                 values[c] = motion[k][c]
-                    + match c {
-                        0 => noise[0][k] + far[k],
-                        1 | 2 => noise[c][k],
-                        3..6 => ATTITUDE_RAD * any,
-                        6..9 => SPEED_MPS * any,
-                        _ => TURN_RADPS * any,
+                    + match (c.is_rate(), c.is_angular()) {
+                        (false, false) if c == Channel::X => noise[0][k] + far[k],
+                        (false, false) => noise[c.index()][k],
+                        (false, true) => ATTITUDE_RAD * any,
+                        (true, false) => SPEED_MPS * any,
+                        (true, true) => TURN_RADPS * any,
                     };
             }
             if arrives[k] {
@@ -462,7 +459,7 @@ mod tests {
             let runs = Runs {
                 commands: &plans,
                 stamps_s: &stamps_s,
-                first: Instruments::Poses.first(),
+                measured: Instruments::Poses.measured(),
             };
             let weights = weights(&water, &runs).unwrap().unwrap();
             for (entry, weight) in water.physics.iter().zip(weights) {
@@ -503,12 +500,16 @@ mod tests {
         assert!(a.truth.iter().all(There::matters));
         assert!(make(1, 2).unwrap().truth.is_empty());
         assert!((make(1, 3).unwrap().rig_factor - 1.0).abs() > 1e-6);
-        let seen = |index: usize, c: usize| {
+        let seen = |index: usize, c: Channel| {
             let samples = make(1, index).unwrap().sources[0].run.samples.clone();
             (samples.len(), samples[3].values[c].is_finite())
         };
-        let (poses, slow, rates) = (seen(2, 0), seen(4, 0), seen(8, 0));
-        assert!(poses.1 && slow.1 && !rates.1 && seen(8, 6).1);
+        let (poses, slow, rates) = (
+            seen(2, Channel::X),
+            seen(4, Channel::X),
+            seen(8, Channel::X),
+        );
+        assert!(poses.1 && slow.1 && !rates.1 && seen(8, Channel::U).1);
         assert!(slow.0 * 4 < poses.0, "{slow:?} {poses:?}");
     }
 }
