@@ -103,7 +103,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use hydroline_core::run::{Command, Sample};
+    use hydroline_core::run::{Command, PerChannel, Sample};
 
     /// At rest, pressed to one side, held for a second, released at 8 s.
     fn decay() -> Run {

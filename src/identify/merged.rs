@@ -241,13 +241,13 @@ fn plain(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_core::run::Sample;
+    use hydroline_core::run::{PerChannel, Sample};
 
     #[test]
     fn cells_are_numbers_or_empty() {
         let sample = |t_s: f64, x: f64| Sample {
             t_s,
-            values: std::array::from_fn(|c| if c == 0 { x } else { f64::NAN }),
+            values: PerChannel::from_fn(|c| if c == Channel::X { x } else { f64::NAN }),
             covariance: Some(Box::new([4.0; 36])),
         };
         let merged = Merged {

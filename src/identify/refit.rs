@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::lm::LevenbergMarquardt;
     use crate::{ModelChoice, Options, identify};
-    use hydroline_core::run::{Command, Sample};
+    use hydroline_core::run::{Channel, Command, PerChannel, Sample};
     use hydroline_rigs::Dof;
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, Normal};
@@ -111,7 +111,7 @@ mod tests {
         });
         let sample = |k: usize| Sample {
             t_s: 0.1 * k as f64,
-            values: std::array::from_fn(|c| if c == 0 { 0.0 } else { f64::NAN }),
+            values: PerChannel::from_fn(|c| if c == Channel::X { 0.0 } else { f64::NAN }),
             covariance: None,
         };
         let mut run = Run {
@@ -134,7 +134,7 @@ mod tests {
         let noise = Normal::new(0.0, 3e-4).unwrap();
         let mut rng = StdRng::seed_from_u64(4);
         for (sample, x_m) in run.samples.iter_mut().zip(truth) {
-            sample.values[0] = x_m + noise.sample(&mut rng);
+            sample.values[Channel::X] = x_m + noise.sample(&mut rng);
         }
         run
     }

@@ -8,7 +8,7 @@ use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Beside, Source, diagnose, diagnose_beside};
-use hydroline::run::{Command, Run, Sample};
+use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
 use hydroline_sim::given::Curve;
@@ -101,7 +101,7 @@ fn pushed(water: &Rig, name: &str, steps: [f64; 3], seed: u64) -> Run {
         let mut values = PerChannel::NAN;
         for c in [0, 1, 5] {
             let normal: f64 = StandardNormal.sample(&mut rng);
-            values[c] = eta[c] + 2e-4 * normal;
+            values[Channel::POSES[c]] = eta[c] + 2e-4 * normal;
         }
         run.samples.push(Sample {
             t_s,
@@ -175,8 +175,8 @@ fn decay(water: &Rig, name: &str, u_mps: f64, phi_rad: f64, seed: u64) -> Run {
         let t_s = 0.05 * f64::from(k);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let mut values = PerChannel::NAN;
-        values[3] = path.state_at(t_s).unwrap().vehicle.eta[3] + 5e-4 * normal();
-        values[6] = u_mps + 2e-3 * normal();
+        values[Channel::Phi] = path.state_at(t_s).unwrap().vehicle.eta[3] + 5e-4 * normal();
+        values[Channel::U] = u_mps + 2e-3 * normal();
         run.samples.push(Sample {
             t_s,
             values,
@@ -247,7 +247,7 @@ fn tanker(model: VehicleModel) -> Rig {
 /// The raw table. Two of its columns are mislabelled, as the kinematics say: "p" is the yaw rate, and "u", "v" are
 /// velocities in the tank.
 struct Zigzag {
-    rows: Vec<PerChannel<f64>>,
+    rows: Vec<[f64; 12]>,
 }
 
 impl Zigzag {
@@ -275,12 +275,15 @@ impl Zigzag {
             let [t_s, x, y, psi, vx, vy, turn, _, delta, _, thrust_n, _] = *row;
             let (sin, cos) = psi.to_radians().sin_cos();
             let mut values = PerChannel::NAN;
-            (values[0], values[1], values[5]) = (x, y, psi.to_radians());
+            (values[Channel::X], values[Channel::Y], values[Channel::Psi]) =
+                (x, y, psi.to_radians());
             if turned {
-                (values[6], values[7]) = (vx * cos + vy * sin, vy * cos - vx * sin);
-                values[11] = turn.to_radians();
+                (values[Channel::U], values[Channel::V]) =
+                    (vx * cos + vy * sin, vy * cos - vx * sin);
+                values[Channel::R] = turn.to_radians();
             } else {
-                (values[6], values[7], values[9]) = (vx, vy, turn.to_radians());
+                (values[Channel::U], values[Channel::V], values[Channel::P]) =
+                    (vx, vy, turn.to_radians());
             }
             made.samples.push(Sample {
                 t_s,
@@ -394,7 +397,7 @@ fn rolling(stem: &str, u_mps: f64, window_s: (f64, f64), every: usize) -> Option
         let cell = |w: &str| w.trim().parse().unwrap_or(f64::NAN);
         let row: Vec<f64> = line.split(',').map(cell).collect();
         let mut values = PerChannel::NAN;
-        (values[3], values[6]) = (row[phi], u_mps);
+        (values[Channel::Phi], values[Channel::U]) = (row[phi], u_mps);
         if (window_s.0..window_s.1).contains(&row[0]) {
             run.samples.push(Sample {
                 t_s: row[0],

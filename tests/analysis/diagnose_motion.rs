@@ -8,7 +8,7 @@ use crate::inputs::input;
 use crate::support::{elements, read_markup};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Source, diagnose, read};
-use hydroline::run::{Command, Run, Sample};
+use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
@@ -220,7 +220,8 @@ pub fn simulated(rig: &Rig, name: &str, edges: &[(f64, f64)], seed: u64) -> Run 
         let eta = path.state_at(t_s).unwrap().vehicle.eta;
         let mut values = PerChannel::NAN;
         for c in 0..6 {
-            values[c] = eta[c] + if c < 3 { 1.5e-4 } else { 1.7e-4 } * noise(&mut state);
+            values[Channel::POSES[c]] =
+                eta[c] + if c < 3 { 1.5e-4 } else { 1.7e-4 } * noise(&mut state);
         }
         run.samples.push(Sample {
             t_s,

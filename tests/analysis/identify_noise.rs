@@ -10,7 +10,7 @@ use hydroline::identify::data::Start;
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::problem::Objective;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
-use hydroline::run::Run;
+use hydroline::run::{Channel, Run};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -41,7 +41,9 @@ fn fit(runs: &[Run], rig: &Rig) -> Identification {
 fn apart_m(a: &Vehicle, b: &Vehicle, commands: &[(f64, [f64; 6])], length_s: f64) -> f64 {
     let [a, b] = [a, b].map(|v| simulated(v, "", commands, length_s, NONE, 1));
     let pairs = a.samples.iter().zip(&b.samples);
-    pairs.fold(0.0, |m, (a, b)| m.max((a.values[0] - b.values[0]).abs()))
+    pairs.fold(0.0, |m, (a, b)| {
+        m.max((a.values[Channel::X] - b.values[Channel::X]).abs())
+    })
 }
 
 #[test]
@@ -178,7 +180,7 @@ fn a_misfit_after_a_long_opening_is_seen_beside_it() {
                     WHITE.attitude_rad
                 };
                 let noise: f64 = StandardNormal.sample(&mut rng);
-                sample.values[c] += sd * noise;
+                sample.values[Channel::POSES[c]] += sd * noise;
             }
         }
         let louder = fit(&[run], &rig);
@@ -222,7 +224,7 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
     let mut rng = StdRng::seed_from_u64(4);
     for sample in runs[..2].iter_mut().flat_map(|r| &mut r.samples) {
         let noise: f64 = StandardNormal.sample(&mut rng);
-        sample.values[0] += 1.5e-4 * noise;
+        sample.values[Channel::X] += 1.5e-4 * noise;
     }
     let louder = identify(&runs, &rig, &options).unwrap();
     println!("{:?} {}", louder.misfit, louder.variance_ratio);
@@ -261,8 +263,8 @@ fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them()
     assert!(notes.contains("not by whole covariances"), "{notes}");
     // What measured nothing of the equations is not said to be used.
     for sample in &mut runs[2].samples {
-        sample.values[0] = f64::NAN;
-        sample.values[1] = f64::NAN;
+        sample.values[Channel::X] = f64::NAN;
+        sample.values[Channel::Y] = f64::NAN;
     }
     let axis = Options {
         model: ModelChoice::Axis(Dof::Surge),
@@ -326,7 +328,7 @@ fn uneven_runs(truth: &Vehicle, seed: u64) -> Vec<Run> {
             for c in 0..6 {
                 let sd = worse * if c < 3 { 1.5e-4 } else { 1.745e-4 };
                 let noise: f64 = StandardNormal.sample(&mut rng);
-                sample.values[c] += sd * noise;
+                sample.values[Channel::POSES[c]] += sd * noise;
                 covariance[7 * c] = (sd / 1.7).powi(2);
             }
             sample.covariance = Some(covariance);

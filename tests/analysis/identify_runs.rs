@@ -14,7 +14,7 @@ use hydroline::identify::data::{Start, load};
 use hydroline::identify::parameter::Coefficient;
 use hydroline::identify::{Identification, ModelChoice, Options, identify};
 use hydroline::import::{self, Map, import, read};
-use hydroline::run::{Run, Sample};
+use hydroline::run::{Channel, PerChannel, Run, Sample};
 use hydroline_rigs::{Dof, Plan, Rig, StepLoad, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -211,11 +211,7 @@ fn free_motion(
         let mut values = PerChannel::NAN;
         for (c, sd) in kept {
             let noise: f64 = StandardNormal.sample(&mut rng);
-            let truth = if *c < 6 {
-                state.eta[*c]
-            } else {
-                state.nu[*c - 6]
-            };
+            let truth = PerChannel::of_state(state.eta, state.nu)[*c];
             values[*c] = truth + sd * noise;
         }
         Sample {
@@ -292,7 +288,7 @@ fn a_start_on_its_bound_is_reported() {
     let mut run = free_motion(&rig.vehicle, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 1.2);
     // The first quarter of a swing, ten times what a heel of 0.3 rad makes: no sine is 3.
     for sample in &mut run.samples {
-        sample.values[9] *= 10.0;
+        sample.values[Channel::P] *= 10.0;
     }
     let options = Options {
         start: Start::AtRest,

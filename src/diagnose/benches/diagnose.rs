@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use hydroline_core::run::{Command, Run, Sample};
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::{Source, diagnose};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
@@ -38,7 +38,7 @@ fn run(rig: &Rig, k: usize) -> Run {
         let t_s = 0.006 + 0.04 * f64::from(i);
         let mut values = PerChannel::NAN;
         let shake = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
-        values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
+        values[Channel::X] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
         made.samples.push(Sample {
             t_s,
             values,

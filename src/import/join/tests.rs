@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 use super::{Problem, align};
-use hydroline_core::run::{Command, Run, Sample};
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 
 /// A vehicle of one degree of freedom, by small steps of another scheme than the estimate's.
 struct Pair {
@@ -59,10 +59,10 @@ fn pair(seed: u64, has_velocity: bool) -> Pair {
         let t = f64::from(k) * 1e-3;
         if k % 50 == 0 {
             let mut values = PerChannel::NAN;
-            values[0] = x + place.sample(&mut rng);
-            values[5] = 0.0;
+            values[Channel::X] = x + place.sample(&mut rng);
+            values[Channel::Psi] = 0.0;
             if has_velocity {
-                values[6] = u + speed.sample(&mut rng);
+                values[Channel::U] = u + speed.sample(&mut rng);
             }
             samples.push(Sample {
                 t_s: t,

@@ -183,9 +183,11 @@ fn of_drawn_forces() {
         };
         let runs = hard.runs(2, seed);
         let over = found.problem.over(&runs, &tank.rig).unwrap();
-        let noise = over.noises.channels[0].unwrap().total_sd();
+        let noise = over.noises.channels[Channel::X].unwrap().total_sd();
         let miss = |f: &Fit| {
-            let out = over.predict(f).map(|p| over.left_of(&p.values)[0] / noise);
+            let out = over
+                .predict(f)
+                .map(|p| over.left_of(&p.values)[Channel::X] / noise);
             out.unwrap_or(f64::NAN)
         };
         let table = found.models.values().last().unwrap();

@@ -161,7 +161,8 @@ fn report(problem: Problem, begun: Instant) {
     for d in &problem.body.dofs {
         println!(
             "   {d} {:?} {:?}",
-            problem.noises.channels[*d], problem.body.responses[*d]
+            problem.noises.channels[Channel::POSES[*d]],
+            problem.body.responses[*d]
         );
     }
     let found = search(problem, Options::default(), &|what| {
@@ -240,8 +241,8 @@ fn report(problem: Problem, begun: Instant) {
     for d in dofs {
         println!(
             "   noise {d} {:?} {:?}",
-            found.problem.noises.channels[*d],
-            found.problem.noises.channels[6 + *d]
+            found.problem.noises.channels[Channel::POSES[*d]],
+            found.problem.noises.channels[Channel::RATES[*d]]
         );
     }
 }

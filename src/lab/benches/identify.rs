@@ -9,7 +9,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use hydroline_core::run::{Command, Run, Sample};
+use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_identify::axis::Axis;
 use hydroline_identify::data::Start;
 use hydroline_identify::forward::Forward;
@@ -49,7 +49,7 @@ fn median(mut times_s: Vec<f64>) -> f64 {
 fn run(rig: &Rig, commands: Vec<Command>, length_s: f64, seed: u64) -> Run {
     let sample = |k: usize| Sample {
         t_s: 0.04 * k as f64,
-        values: std::array::from_fn(|c| if c == 0 { 0.0 } else { f64::NAN }),
+        values: PerChannel::from_fn(|c| if c == Channel::X { 0.0 } else { f64::NAN }),
         covariance: None,
     };
     let mut run = Run {
@@ -71,7 +71,7 @@ fn run(rig: &Rig, commands: Vec<Command>, length_s: f64, seed: u64) -> Run {
     let normal = Normal::new(0.0, NOISE_M).expect("a standard deviation");
     let mut rng = StdRng::seed_from_u64(seed);
     for (sample, x) in run.samples.iter_mut().zip(truth) {
-        sample.values[0] = x + normal.sample(&mut rng);
+        sample.values[Channel::X] = x + normal.sample(&mut rng);
     }
     run
 }
