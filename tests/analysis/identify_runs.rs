@@ -193,7 +193,7 @@ fn free_motion(
     vehicle: &Vehicle,
     dof: Dof,
     (place, rate): (f64, f64),
-    kept: &[(usize, f64)],
+    kept: &[(Channel, f64)],
     length_s: f64,
 ) -> Run {
     let model = Model {
