@@ -68,8 +68,10 @@ fn of_cases() {
             );
         }
         println!(
-            "   unnamed {:?} noise {:?} held out {:?}",
-            v.unnamed, v.noise, v.fit.held_out
+            "   unnamed {:?} noise {:?} predicted {:?}",
+            v.unnamed,
+            v.noise,
+            v.predicted().collect::<Vec<_>>()
         );
     }
 }

@@ -41,7 +41,7 @@ pub struct Coefficients {
     /// rms per run and channel of the fit to all runs, SI.
     pub rms: BTreeMap<String, BTreeMap<String, f64>>,
     /// rms per run and channel where the run is predicted by the others, SI.
-    pub held_out_rms: BTreeMap<String, BTreeMap<String, f64>>,
+    pub leave_one_run_out_rms: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
 impl Coefficients {
@@ -87,7 +87,7 @@ impl Coefficients {
                 .iter()
                 .map(|r| (r.name.clone(), r.rms.clone()))
                 .collect(),
-            held_out_rms: found
+            leave_one_run_out_rms: found
                 .cross_validation
                 .iter()
                 .map(|c| (c.run.clone(), c.left_out.clone()))
@@ -153,14 +153,9 @@ impl Diagnosed {
                 .map(|(n, p)| (n.clone(), (p.value, p.sd)))
                 .collect(),
         });
-        let held = &v.fit.held_out;
-        let predicted = held.before.iter().map(|(channel, before)| {
-            let of = |table: &BTreeMap<String, f64>| table.get(channel).copied();
-            (
-                channel.clone(),
-                [Some(*before), of(&held.after), of(&held.noise)],
-            )
-        });
+        let predicted = v.predicted();
+        let predicted =
+            predicted.map(|p| (p.channel.to_owned(), [Some(p.before), p.after, p.noise]));
         Self {
             verdict: v.verdict,
             sentence: v.sentence.clone(),

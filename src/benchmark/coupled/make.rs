@@ -424,7 +424,7 @@ impl Log<'_> {
                 samples,
                 ..Run::default()
             },
-            faults: Vec::new(),
+            ..Source::default()
         }))
     }
 }

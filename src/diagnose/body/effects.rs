@@ -14,7 +14,6 @@ use hydroline_sim::effect::Trend;
 use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
-use crate::conclude::HELD_OUT;
 use crate::verdict::{
     self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
 };
@@ -272,44 +271,35 @@ impl Judged<'_> {
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
                     train: table(&self.found.problem.left(terms, &fit.point)),
-                    held_out: BTreeMap::new(),
                 })
             })
             .collect()
     }
 
+    /// rms of the runs fitted, and of those held out.
     pub fn fit(&self) -> FitTable {
         let problem = &self.found.problem;
-        let noise = self.noise();
+        let left = |fit: &Fit| problem.left(&fit.terms, &fit.point);
         let mut made = FitTable {
-            train: BeforeAfter {
-                before: table(&problem.left(&self.alone.terms, &self.alone.point)),
-                after: table(&problem.left(&self.best.terms, &self.best.point)),
-                noise: table(&noise),
-            },
+            train: self.before_after(&(left(self.alone), left(self.best))),
             ..FitTable::default()
         };
-        let (predicted, how) = match &self.held {
-            Some((over, predicted)) => {
-                let runs = over.body.recording.runs.iter();
-                let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
-                let how = format!("{HELD_OUT}: {}, which chose nothing", names.join(", "));
-                (Some(predicted), how)
-            }
-            None => (
-                self.one_run_out.as_ref(),
-                "each run by the others".to_owned(),
-            ),
-        };
-        if let Some(predicted) = predicted {
-            made.held_out = BeforeAfter {
-                before: table(&predicted.rms.0),
-                after: table(&predicted.rms.1),
-                noise: table(&noise),
-            };
-            made.held_out_by = how;
+        if let Some((over, predicted)) = &self.held {
+            let runs = over.body.recording.runs.iter();
+            let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
+            made.held_out = self.before_after(&predicted.rms);
+            made.held_out_by = format!("runs held out: {}, which chose nothing", names.join(", "));
         }
         made
+    }
+
+    /// rms by both models, beside the noise.
+    fn before_after(&self, (before, after): &(Rms, Rms)) -> BeforeAfter {
+        BeforeAfter {
+            before: table(before),
+            after: table(after),
+            noise: table(&self.noise()),
+        }
     }
 
     /// A term as a list of models shows it.
@@ -324,12 +314,8 @@ impl Judged<'_> {
 
     /// Each run as the others predict it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
-        let (before, after) = &self.one_run_out.as_ref()?.rms;
-        Some(BeforeAfter {
-            before: table(before),
-            after: table(after),
-            noise: table(&self.noise()),
-        })
+        let predicted = self.one_run_out.as_ref()?;
+        Some(self.before_after(&predicted.rms))
     }
 
     /// sd of the instruments \[SI\].
