@@ -4,7 +4,7 @@ use crate::change::change;
 use crate::evenly;
 use crate::group::Group;
 use crate::overlay::motion_key;
-use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Motion, RunSheet, SetSheet};
+use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Finding, Motion, RunSheet, SetSheet};
 use crate::store::{Store, StoreError};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
@@ -129,15 +129,15 @@ impl Campaign<'_> {
                 let worse = diagnosis.findings.iter().filter(|f| f.grade > Grade::Note);
                 sheet.findings = worse
                     .map(|f| {
-                        let grade = match f.grade {
-                            Grade::Error => "error: ",
-                            Grade::Warning | Grade::Note => "",
-                        };
-                        format!("{grade}{}: {}", f.check, f.message)
+                        let words = format!("{}: {}", f.check, f.message);
+                        match f.grade {
+                            Grade::Error => Finding::Error(words),
+                            Grade::Warning | Grade::Note => Finding::Warning(words),
+                        }
                     })
                     .collect();
             }
-            Err(e) => sheet.findings.push(format!("error: {e}")),
+            Err(e) => sheet.findings.push(Finding::Error(e.to_string())),
         }
         let mut path = found.path.clone();
         let run = match load(&path, &rig) {
@@ -203,7 +203,8 @@ impl Campaign<'_> {
             let why = sheet.identified.err().unwrap_or_default();
             return Err(format!("{name}: {why}"));
         }
-        if let Some(bad) = sheet.findings.iter().find(|f| f.starts_with("error: ")) {
+        let mut findings = sheet.findings.iter();
+        if let Some(bad) = findings.find(|f| matches!(f, Finding::Error(_))) {
             return Err(format!("{name}: {bad}"));
         }
         Ok((

@@ -106,10 +106,8 @@ fn before_after(b: &mut Body, shown: &[Shown]) -> String {
 fn word(w: Word) -> &'static str {
     match w {
         Word::None => "nothing that matters",
-        Word::Named => "named",
-        Word::Ambiguous => "ambiguous",
-        Word::Unknown => "unknown",
         Word::DataFault => "data fault",
+        other => other.name(),
     }
 }
 

@@ -38,6 +38,19 @@ pub enum Word {
     DataFault,
 }
 
+impl Word {
+    /// As JSON and tables have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Named => "named",
+            Self::Ambiguous => "ambiguous",
+            Self::Unknown => "unknown",
+            Self::DataFault => "data_fault",
+        }
+    }
+}
+
 /// Whether an effect acts by the library's law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
