@@ -112,6 +112,7 @@ pub fn diagnose(
     verdict.noise = noise_found(&found.problem);
     let withheld = joined::withhold(verdict, &runs);
     verdict.sentence = words::sentence(verdict, &judged.against());
+    made.by_motion = verdict.verdict;
     if verdict.verdict != Word::DataFault {
         judged.adopt(&mut made.rig);
         joined::take_out(&withheld, rig, &mut made.rig);
@@ -129,8 +130,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
         .iter()
         .map(|d| (Dof::ALL[*d].name().to_owned(), judged.unnamed_in(*d)))
         .collect();
-    verdict.rig_factors = judged.far_off();
-    verdict.at_limit = verdict.rig_factors.keys().cloned().collect();
+    verdict.at_limit = judged.at_limit();
     verdict.leave_one_run_out = judged.leave_one_run_out();
     verdict.ablation = judged.ablation();
     verdict.verdict = judged.word();
@@ -139,7 +139,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();
-    (verdict.blind_spots, verdict.blind_dofs) = judged.blind_spots();
+    verdict.blind_spots = judged.blind_spots();
     verdict.notes.extend(judged.notes());
 }
 

@@ -11,11 +11,13 @@ use crate::verdict::{Value, Verdict, Word};
 /// Sds of the difference within which a latency may be the offset.
 const SDS: f64 = 3.0;
 
+/// Effects that are a fixed difference of time.
+const LATENCIES: [&str; 2] = ["command_latency", "camera_latency"];
 /// Effects that are differences of time, the parameter that says which, and how well the joining knows the same.
 type Known = (&'static str, &'static str, fn(&Joined) -> f64);
 const TIMES: [Known; 3] = [
-    ("command_latency", "delay_s", |j| j.offset_sd_s),
-    ("camera_latency", "delay_s", |j| j.offset_sd_s),
+    (LATENCIES[0], "delay_s", |j| j.offset_sd_s),
+    (LATENCIES[1], "delay_s", |j| j.offset_sd_s),
     ("clock_drift", "drift_ppm", |j| j.drift_sd_ppm),
 ];
 
@@ -60,13 +62,14 @@ pub(crate) fn withhold(verdict: &mut Verdict, runs: &[Run]) -> Vec<&'static str>
         } else {
             format!("a difference of time{size} between commands and motion is not named {id}: it is within {SDS} sd of what the offset of the joined logs may be ({known_sd})")
         });
-        verdict.blind_spots.push(format!(
-            "{id}: not to be distinguished from the offset of the joined logs"
-        ));
+        verdict.cannot_show(id);
     }
     if withheld.is_empty() {
         if is_estimated {
-            verdict.blind_spots.push("latency of commands: the offset of the joined logs was estimated from this motion and holds it".to_owned());
+            for id in LATENCIES {
+                verdict.cannot_show(id);
+            }
+            verdict.notes.push("the offset of the joined logs was estimated from this motion and holds every latency: measure it (join --offset-s, --offset-sd-s) to know one".to_owned());
         }
         return withheld;
     }

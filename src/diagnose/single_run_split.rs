@@ -48,6 +48,7 @@ pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
             } else {
                 Vec::new()
             },
+            ..Source::default()
         }
     });
     let filled = |part: &Source| part.run.samples.len() >= FEWEST;
@@ -159,7 +160,7 @@ mod tests {
         let run = decay();
         let parts = stretches(&Source {
             run: run.clone(),
-            faults: Vec::new(),
+            ..Source::default()
         })
         .unwrap();
         let all: Vec<f64> = parts
@@ -170,7 +171,7 @@ mod tests {
         assert_eq!(all, own);
         let short = Source {
             run: run.window(0.0, 15.0),
-            faults: Vec::new(),
+            ..Source::default()
         };
         assert!(stretches(&short).is_none());
     }

@@ -14,12 +14,28 @@ use hydroline_log::messages::{timestamp, unix_ns};
 use hydroline_log::{LogReader, Record};
 
 /// A log taken apart.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Source {
-    /// Commands and motion.
+    /// Commands and motion; of a log of frames alone its name.
     pub run: Run,
     /// What is wrong with it.
     pub faults: Vec<DataFault>,
+    /// Log that holds its frames; `None` = there are none to ask.
+    pub frames: Option<PathBuf>,
+}
+
+impl Source {
+    /// The same with the frames of another log: of the recording whose replay has given the motion.
+    #[must_use]
+    pub fn with_frames_of(mut self, log: &Path) -> Source {
+        self.frames = Some(log.to_owned());
+        self
+    }
+
+    /// Whether any motion was measured.
+    pub fn has_motion(&self) -> bool {
+        !self.run.samples.is_empty()
+    }
 }
 
 /// A log, or `LOG@FROM..TO`: a window of it \[s since the log's first stamp\]. Either end may be left out.
@@ -94,7 +110,7 @@ impl FromStr for Part {
     }
 }
 
-/// Reads a log or a window of it. A decay without a window is taken from where the hull was released.
+/// Reads a log or a window of it; of a log of frames without motion, where they are. A decay without a window is taken from where the hull was released.
 ///
 /// # Errors
 /// [`LoadError`].
@@ -105,7 +121,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         || path.display().to_string(),
         |s| s.to_string_lossy().into_owned(),
     );
-    let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
+    let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), None);
     let mut records = Records::default();
     let mut reader = LogReader::open(path)?;
     for message in reader.by_ref() {
@@ -118,7 +134,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
                 );
                 motion.push(sample);
             }
-            Record::Frame(_) => frames += 1,
+            Record::Frame(_) => frames = Some(path.to_owned()),
             Record::Clock(pair) => {
                 records
                     .clocks_ns
@@ -131,9 +147,20 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         }
     }
     if motion.is_empty() {
-        return Err(LoadError::NoMotion {
-            log: path.display().to_string(),
+        if frames.is_none() {
+            return Err(LoadError::NoMotion {
+                log: path.display().to_string(),
+                frames: 0,
+            });
+        }
+        let run = Run {
+            name,
+            ..Run::default()
+        };
+        return Ok(Source {
+            run,
             frames,
+            ..Source::default()
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
@@ -155,11 +182,15 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     if window_s.is_none()
         && let Some((at_s, channel)) = release_instant(&run, rig)
     {
-        found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is left out"), false));
+        found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is not fitted"), false));
         run = cut(run, &mut records, at_s, f64::INFINITY);
     }
     found.extend(faults(&run, &records, rig));
-    Ok(Source { run, faults: found })
+    Ok(Source {
+        run,
+        faults: found,
+        frames,
+    })
 }
 
 /// Run and records within a window \[s\].

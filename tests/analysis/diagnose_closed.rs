@@ -4,7 +4,8 @@
 use crate::diagnose_motion::{clean, simulated};
 use hydroline::diagnose::verdict::Word;
 use hydroline::diagnose::{Source, diagnose};
-use hydroline_rigs::{Channel, ParameterValue, PhysicsEntry, Rig};
+use hydroline::run::Channel;
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 
 /// Something at one place of the tank: 1.2 N exp(-((x - 0.3) / 0.1)^2 / 2).
 const FORCE: [(&str, f64); 3] = [("force", 1.2), ("at", 0.3), ("width", 0.1)];

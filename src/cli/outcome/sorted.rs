@@ -245,7 +245,15 @@ impl Sorted for DiagnoseError {
     fn is_input(&self) -> bool {
         match self {
             Self::NothingMoves(_) | Self::Effect(_) => true,
+            Self::Images(error) => error.is_input(),
             Self::NoFit { .. } => false,
+        }
+    }
+
+    fn next_step(&self) -> Option<&'static str> {
+        match self {
+            Self::Images(error) => error.next_step(),
+            _ => None,
         }
     }
 }

@@ -80,7 +80,7 @@ fn diagnosis_by_effects_at_work(effects: usize) -> usize {
     let sources: Vec<Source> = (0..4)
         .map(|k| Source {
             run: run(&tank, k),
-            faults: Vec::new(),
+            ..Source::default()
         })
         .collect();
     let made = diagnose(&sources[..3], &sources[3..], &rig, &|_| {}).unwrap();
@@ -94,7 +94,7 @@ fn diagnosis_by_runs(runs: usize) -> usize {
     let sources: Vec<Source> = (0..runs)
         .map(|k| Source {
             run: run(&rig, k % 4),
-            faults: Vec::new(),
+            ..Source::default()
         })
         .collect();
     let made = diagnose(&sources, &[], &rig, &|_| {}).unwrap();

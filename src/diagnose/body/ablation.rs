@@ -43,11 +43,11 @@ impl Judged<'_> {
         AblationStep {
             effect,
             train: self.found.problem.left(&fit.terms, &fit.point).by_name(),
-            held_out: held.by_name(),
+            predicted: held.by_name(),
         }
     }
 
-    /// What the vehicle alone and the likeliest model miss of runs held out, or left out in turn.
+    /// What the vehicle alone and the likeliest model miss of the runs held out or, without any, of each run by the others.
     fn predicted_already(&self) -> Option<(Rms, Rms)> {
         let held = self.held.as_ref().map(|(_, predicted)| predicted);
         Some(held.or(self.one_run_out.as_ref())?.rms)

@@ -188,7 +188,7 @@ impl Judged<'_> {
             .collect();
         let force_at = fit.point[at..at + n].to_vec();
         let force_sd = (at..at + n)
-            .map(|i| fit.covariance[(i, i)].sqrt())
+            .map(|i| fit.covariance[(i, i)].max(0.0).sqrt())
             .collect();
         let closed_form = self.closed_form(table, &knots);
         // A table cannot hold a force that turns with the rate; where a form is the law, it says where the force acts.
@@ -207,10 +207,10 @@ impl Judged<'_> {
         let force = shown[top];
         Some(Unexplained {
             channel: channel.name().to_owned(),
-            weight: weights[channel],
-            depends_on: covariate.to_owned(),
-            range: [knots[first], knots[last]],
-            force,
+            weight: Some(weights[channel]).filter(|w| w.is_finite()),
+            depends_on: Some(covariate.to_owned()),
+            range: Some([knots[first], knots[last]]),
+            force: Some(force),
             term: format!(
                 "a force of no known effect in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
                 Dof::ALL[dof].name(),
@@ -227,7 +227,7 @@ impl Judged<'_> {
             knots,
             force_at,
             force_sd,
-            log_bayes_factor: self.ln_odds(dof),
+            log_bayes_factor: Some(self.ln_odds(dof)),
         })
     }
 
@@ -245,19 +245,15 @@ impl Judged<'_> {
         let p = self.unnamed_in(dof);
         Unexplained {
             channel: channel.name().to_owned(),
-            weight,
-            depends_on: "time".to_owned(),
-            range: [f64::NAN, f64::NAN],
-            force: size,
+            weight: Some(weight),
+            depends_on: Some("time".to_owned()),
+            force: Some(size),
             term: format!(
                 "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
                 force.correlation_s
             ),
-            knots: Vec::new(),
-            force_at: Vec::new(),
-            force_sd: Vec::new(),
-            log_bayes_factor: self.ln_odds(dof),
-            closed_form: None,
+            log_bayes_factor: Some(self.ln_odds(dof)),
+            ..Unexplained::default()
         }
     }
 }

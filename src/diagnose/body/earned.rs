@@ -1,5 +1,5 @@
 //! What a verdict has to show before it stands: what is left passes as the instruments' noise or is below the tolerance, no
-//! coefficient ends on a limit, and held-out runs are predicted no worse than by the vehicle alone.
+//! coefficient ends on a limit, and each run is predicted by the others no worse than by the vehicle alone.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 
 use super::found::Judged;
-use crate::verdict::{Unexplained, Value};
+use crate::verdict::{AtLimit, Unexplained, Value};
 
 /// Lags of the test for whiteness.
 const LAGS: usize = 20;
@@ -20,7 +20,7 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
-/// Runs left out are predicted worse where the error, in tolerances and noise, grows by more than this share: less is what a
+/// Runs are predicted worse by the others where the error, in tolerances and noise, grows by more than this share: less is what a
 /// coefficient that is fitted too costs.
 const WORSE: f64 = 0.1;
 
@@ -115,10 +115,7 @@ impl Judged<'_> {
         })
         .map(|l| Unexplained {
             channel: l.channel.name().to_owned(),
-            weight: l.beyond(),
-            depends_on: "time".to_owned(),
-            range: [f64::NAN, f64::NAN],
-            force: f64::NAN,
+            weight: Some(l.beyond()).filter(|w| w.is_finite()),
             term: format!(
                 "{:.2e} rms is left in {} ({}), where the instrument's noise is {:.2e}",
                 l.rms,
@@ -126,16 +123,22 @@ impl Judged<'_> {
                 l.channel.dof().name(),
                 l.noise
             ),
-            knots: Vec::new(),
-            force_at: Vec::new(),
-            force_sd: Vec::new(),
-            log_bayes_factor: f64::NAN,
-            closed_form: None,
+            ..Unexplained::default()
         })
         .collect()
     }
 
     /// Coefficients at a limit or far from the rig's, with their factor.
+    pub fn at_limit(&self) -> Vec<AtLimit> {
+        let each = self.far_off().into_iter();
+        each.map(|(key, factor)| AtLimit {
+            key,
+            factor: factor.value,
+        })
+        .collect()
+    }
+
+    /// The same with the factor's sd.
     pub fn far_off(&self) -> BTreeMap<String, Value> {
         let body = &self.found.problem.body;
         let after = self.own_after();
@@ -155,7 +158,7 @@ impl Judged<'_> {
             let known = self.is_said(own)
                 && factor.ln().abs() > FAR_OFF.ln()
                 && sd < 0.5 * factor.ln().abs();
-            if known || self.at_limit(i, bounds[i]) {
+            if known || self.is_at_limit(i, bounds[i]) {
                 let value = Value {
                     value: factor,
                     sd: Some(factor * sd).filter(|s| s.is_finite()),
@@ -176,7 +179,7 @@ impl Judged<'_> {
 
     /// Whether one of the vehicle's numbers is as far off as is looked. Damping that the rig does not know and that is as
     /// good as none is at no limit: a hull may have none of that power.
-    fn at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
+    fn is_at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
         let said = self.is_said(&self.found.problem.body.own[place]);
         let at = self.best.point[place];
         (at <= AT_LIMIT * low && said) || at >= AT_LIMIT * high
@@ -188,7 +191,7 @@ impl Judged<'_> {
         let body = &self.found.problem.body;
         let bounds = body.bounds(&self.best.terms);
         let none = |i: usize| self.is_no_damping(i, bounds[i]);
-        (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]) && !none(i))
+        (0..body.own.len()).any(|i| self.is_at_limit(i, bounds[i]) && !none(i))
     }
 
     /// Whether a damping coefficient is as small as is looked.
@@ -208,7 +211,7 @@ impl Judged<'_> {
             .collect()
     }
 
-    /// Whether held-out runs are predicted worse than by the vehicle alone: each error in units of noise, tolerance and of what
+    /// Whether runs are predicted worse by the others than by the vehicle alone: each error in units of noise, tolerance and of what
     /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
     pub fn predicts_worse(&self) -> bool {
         let Some(predicted) = &self.one_run_out else {

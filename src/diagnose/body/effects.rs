@@ -13,7 +13,6 @@ use hydroline_sim::effect::Trend;
 use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
-use crate::conclude::HELD_OUT;
 use crate::verdict::{
     self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
 };
@@ -265,44 +264,35 @@ impl Judged<'_> {
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
                     train: self.found.problem.left(terms, &fit.point).by_name(),
-                    held_out: BTreeMap::new(),
                 })
             })
             .collect()
     }
 
+    /// rms of the runs fitted, and of those held out.
     pub fn fit(&self) -> FitTable {
         let problem = &self.found.problem;
-        let noise = self.noise();
+        let left = |fit: &Fit| problem.left(&fit.terms, &fit.point);
         let mut made = FitTable {
-            train: BeforeAfter {
-                before: problem.left(&self.alone.terms, &self.alone.point).by_name(),
-                after: problem.left(&self.best.terms, &self.best.point).by_name(),
-                noise: noise.by_name(),
-            },
+            train: self.before_after(&(left(self.alone), left(self.best))),
             ..FitTable::default()
         };
-        let (predicted, how) = match &self.held {
-            Some((over, predicted)) => {
-                let runs = over.body.recording.runs.iter();
-                let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
-                let how = format!("{HELD_OUT}: {}, which chose nothing", names.join(", "));
-                (Some(predicted), how)
-            }
-            None => (
-                self.one_run_out.as_ref(),
-                "each run by the others".to_owned(),
-            ),
-        };
-        if let Some(predicted) = predicted {
-            made.held_out = BeforeAfter {
-                before: predicted.rms.0.by_name(),
-                after: predicted.rms.1.by_name(),
-                noise: noise.by_name(),
-            };
-            made.held_out_by = how;
+        if let Some((over, predicted)) = &self.held {
+            let runs = over.body.recording.runs.iter();
+            let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
+            made.held_out = self.before_after(&predicted.rms);
+            made.held_out_by = format!("runs held out: {}, which chose nothing", names.join(", "));
         }
         made
+    }
+
+    /// rms by both models, beside the noise.
+    fn before_after(&self, (before, after): &(Rms, Rms)) -> BeforeAfter {
+        BeforeAfter {
+            before: before.by_name(),
+            after: after.by_name(),
+            noise: self.noise().by_name(),
+        }
     }
 
     /// A term as a list of models shows it.
@@ -317,12 +307,8 @@ impl Judged<'_> {
 
     /// Each run as the others predict it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
-        let (before, after) = &self.one_run_out.as_ref()?.rms;
-        Some(BeforeAfter {
-            before: before.by_name(),
-            after: after.by_name(),
-            noise: self.noise().by_name(),
-        })
+        let predicted = self.one_run_out.as_ref()?;
+        Some(self.before_after(&predicted.rms))
     }
 
     /// sd of the instruments \[SI\].

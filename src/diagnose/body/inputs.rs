@@ -50,21 +50,14 @@ impl Inputs<'_> {
                 let moves = self.extent(channel);
                 Unexplained {
                     channel: channel.name().to_owned(),
-                    weight: moves,
-                    depends_on: "time".to_owned(),
-                    range: [f64::NAN, f64::NAN],
-                    force: f64::NAN,
+                    weight: Some(moves),
                     term: format!(
                         "{} moves ({} by {moves:.3} rms) though nothing commanded it, and no model follows: its measured motion was taken as given (--given {} says that it is an input)",
                         Dof::ALL[*d].name(),
                         channel.name(),
                         Dof::ALL[*d].name()
                     ),
-                    knots: Vec::new(),
-                    force_at: Vec::new(),
-                    force_sd: Vec::new(),
-                    log_bayes_factor: f64::NAN,
-            closed_form: None,
+                    ..Unexplained::default()
                 }
             })
             .collect()

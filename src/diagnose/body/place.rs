@@ -1,6 +1,6 @@
 //! Where the vehicle alone misses, and the test that it does.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
@@ -55,7 +55,6 @@ impl Judged<'_> {
             },
             dof,
             windows,
-            depends_on: BTreeMap::new(),
         }
     }
 
@@ -88,24 +87,29 @@ impl Judged<'_> {
     }
 
     /// Effects that these runs would not show: at their typical size they change nothing that the vehicle's own numbers
-    /// could not. With the DOFs of those that act in one by name.
-    pub fn blind_spots(&self) -> (Vec<String>, BTreeMap<String, Vec<String>>) {
-        let mut spots: Vec<String> = Vec::new();
-        let mut dofs: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    /// could not. Each stands there once, with the DOFs in which it acts by name.
+    pub fn blind_spots(&self) -> Vec<String> {
+        let body = &self.found.problem.body;
+        let mut spots: Vec<(String, BTreeSet<usize>)> = Vec::new();
         for c in self.found.problem.unseen(self.best) {
             let id = self.id(c);
             if self.best.terms.iter().any(|t| self.id(*t) == id) {
                 continue;
             }
-            if let Some(d) = self.found.problem.body.candidates[c].dof() {
-                let of = dofs.entry(id.clone()).or_default();
-                of.push(Dof::ALL[d].name().to_owned());
-            }
-            if !spots.contains(&id) {
-                spots.push(id);
+            let dof = body.candidates[c].dof();
+            match spots.iter_mut().find(|s| s.0 == id) {
+                Some((_, dofs)) => dofs.extend(dof),
+                None => spots.push((id, dof.into_iter().collect())),
             }
         }
-        (spots, dofs)
+        let named = |(id, dofs): (String, BTreeSet<usize>)| {
+            let dofs: Vec<&str> = dofs.iter().map(|d| Dof::ALL[*d].name()).collect();
+            match dofs.is_empty() {
+                true => id,
+                false => format!("{id} in {}", dofs.join(", ")),
+            }
+        };
+        spots.into_iter().map(named).collect()
     }
 }
 

@@ -4,11 +4,20 @@ use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::figures::edges;
 use hydroline_inference::fit::Problem;
 
-use super::found::Judged;
-use crate::report::{Shown, Trace};
+use super::found::{Judged, Predicted};
+use crate::report::{Runs, Shown, Trace};
 
 /// Predictions, per run and sample.
 type Motion = Vec<Vec<PerChannel<f64>>>;
+
+/// Motion without and with the effects.
+type Both<'a> = (&'a Motion, &'a Motion);
+
+impl Predicted {
+    fn values(&self) -> Both<'_> {
+        (&self.before.values, &self.after.values)
+    }
+}
 
 impl Judged<'_> {
     /// One per DOF: its position where that is measured, else its rate.
@@ -26,18 +35,18 @@ impl Judged<'_> {
                 channel: c.name().to_owned(),
                 noise_sd: noise[c],
                 predicted: match (&self.held, &self.one_run_out) {
-                    (Some((over, f)), _) => traces(over, c, &f.before.values, &f.after.values),
-                    (None, Some(f)) => traces(problem, c, &f.before.values, &f.after.values),
-                    (None, None) => Vec::new(),
+                    (Some((over, f)), _) => Runs::HeldOut(traces(over, c, f.values())),
+                    (None, Some(f)) => Runs::ByTheOthers(traces(problem, c, f.values())),
+                    (None, None) => Runs::None,
                 },
-                fitted: traces(problem, c, &before, &after),
+                fitted: traces(problem, c, (&before, &after)),
             })
             .collect()
     }
 }
 
 /// Along and across are the body's axes, as noise and random forces are described.
-fn traces(problem: &Problem, channel: Channel, before: &Motion, after: &Motion) -> Vec<Trace> {
+fn traces(problem: &Problem, channel: Channel, (before, after): Both<'_>) -> Vec<Trace> {
     let runs = problem.body.recording.runs.iter().zip(&problem.noises.used);
     runs.zip(before.iter().zip(after))
         .map(|((r, used), (before, after))| {

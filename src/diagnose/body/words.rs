@@ -48,9 +48,9 @@ fn say(e: &Effect) -> String {
 /// Coefficients far from the rig's.
 fn factors(v: &Verdict) -> String {
     let each = v
-        .rig_factors
+        .at_limit
         .iter()
-        .map(|(name, f)| format!("; {name} is {:.2} times the rig's", f.value));
+        .map(|c| format!("; {} is {:.2} times the rig's", c.key, c.factor));
     each.collect()
 }
 

@@ -137,7 +137,7 @@ fn a_bump_is_written_down_and_three_are_not() {
     let (found, bump) = of(24);
     assert!(bump.stands && bump.none < 0.01, "{}", bump.none);
     assert_eq!(names(&found, &bump.forms[0]), ["bump", "none"]);
-    let (form, table) = bump.left_out.unwrap();
+    let (form, table) = bump.one_run_out.unwrap();
     assert!(form[0] < table[0], "{} {}", form[0], table[0]);
     let (_, three) = of(11);
     assert!(!three.stands && three.none > 0.9, "{}", three.none);
@@ -162,7 +162,7 @@ fn of_drawn_forces() {
             begun.elapsed().as_secs_f64(),
             one.none,
             one.stands,
-            one.left_out.map(|l| (l.0[0], l.1[0])),
+            one.one_run_out.map(|l| (l.0[0], l.1[0])),
         );
         let body = &found.problem.body;
         for f in &one.forms {

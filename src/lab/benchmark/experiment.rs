@@ -309,7 +309,11 @@ pub fn source(
     records.drift_ppm.extend(drift);
     let run = load_messages(name, commands, motion, rig)?;
     let faults = faults(&run, &records, rig);
-    Ok(Source { run, faults })
+    Ok(Source {
+        run,
+        faults,
+        ..Source::default()
+    })
 }
 
 impl Recorded {

@@ -242,12 +242,8 @@ fn effects(v: &Verdict) -> Vec<Found> {
 }
 
 fn held_out(v: &Verdict, noise_m: Option<f64>) -> Option<[f64; 3]> {
-    let table = &v.fit.held_out;
-    Some([
-        *table.before.get("x_m")?,
-        *table.after.get("x_m")?,
-        noise_m?,
-    ])
+    let x = v.predicted().find(|p| p.channel == "x_m")?;
+    Some([x.before, x.after?, noise_m?])
 }
 
 /// A law near the library's: mechanism named, law said to be inexact, nothing invented (by the observer: a name that

@@ -123,7 +123,7 @@ impl Tank {
         }
         Source {
             run: made,
-            faults: Vec::new(),
+            ..Source::default()
         }
     }
 }

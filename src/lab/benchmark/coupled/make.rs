@@ -421,7 +421,7 @@ impl Log<'_> {
                 samples,
                 ..Run::default()
             },
-            faults: Vec::new(),
+            ..Source::default()
         }))
     }
 }

@@ -128,7 +128,7 @@ pub(super) fn ask(case: &Case, made: &Diagnosis, judged: &mut Judged) -> Result<
         .iter()
         .find(|u| !u.knots.is_empty());
     let along = if law.of_speed { "u" } else { "x" };
-    let covariate = unnamed.is_some_and(|u| u.depends_on == along);
+    let covariate = unnamed.is_some_and(|u| u.depends_on.as_deref() == Some(along));
     judged.passed.push(("covariate".into(), covariate));
     let [own, observer] = twice_the_load(case, made, &ExternalLaw::Composed(law))?;
     let form = unnamed.and_then(|u| Some((u, u.closed_form.as_ref()?)));
