@@ -35,7 +35,7 @@ use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
-use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
+use hydroline_log::{Entry, FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
@@ -414,12 +414,15 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
     let now_ns = shared.clock.triple().realtime_ns;
     shared
         .recorder
-        .camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
+        .push(Entry::camera_calibration(&messages::camera_calibration(
+            &rig.camera,
+            now_ns,
+        )));
     match map {
         Some(map) => {
             let calibration = map.describe();
             let message = message::in_force(&calibration, now_ns);
-            shared.recorder.plane_calibration(&message);
+            shared.recorder.push(Entry::plane_calibration(&message));
             if calibration.residuals.is_none() && searching {
                 shared.say(
                     Severity::Info,
@@ -471,7 +474,7 @@ fn start_service(
             });
         }
         LinkRecord::Echo(echo) => {
-            to.recorder.echo(&pb::ThrusterEcho {
+            to.recorder.push(Entry::echo(&pb::ThrusterEcho {
                 timestamp: Some(timestamp(echo.timestamp_ns)),
                 sequence: echo.sequence,
                 thruster: echo.thruster.to_string(),
@@ -479,7 +482,7 @@ fn start_service(
                 controller_time_us: echo.controller_time_us,
                 round_trip_s: echo.round_trip_s,
                 errors: echo.errors,
-            });
+            }));
             if let Some(desk) = &to.desk {
                 desk.post(Note::Echo(echo));
             }

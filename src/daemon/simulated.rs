@@ -6,8 +6,8 @@
 use hydroline_calib::IdealMap;
 use hydroline_capture::CaptureError;
 use hydroline_capture::sim::Scene;
-use hydroline_log::Recorder;
 use hydroline_log::messages::{pb::VehicleMotion, timestamp};
+use hydroline_log::{Entry, Recorder};
 use hydroline_rigs::{Board, Rig};
 use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
 use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
@@ -230,7 +230,10 @@ impl Scene for CameraView {
             (poses, truth)
         };
         if let Some((recorder, start_unix_ns)) = self.vehicle.recorder.get() {
-            recorder.truth(&motion_message(start_unix_ns + (t_s * 1e9) as u64, &truth));
+            recorder.push(Entry::truth(&motion_message(
+                start_unix_ns + (t_s * 1e9) as u64,
+                &truth,
+            )));
         }
         Ok(match &self.seen {
             Seen::Tank(renderer) => renderer.render_frame(&poses, index).0,

@@ -230,6 +230,31 @@ pub enum LogError {
 }
 
 impl LogError {
+    /// Maps the system's words on reading `path`.
+    fn read(path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
+        move |source| LogError::Read {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// Maps whatever kept `path` from being written.
+    fn output<E: std::fmt::Display>(path: &std::path::Path) -> impl Fn(E) -> Self {
+        move |e| LogError::Output {
+            path: path.to_owned(),
+            reason: e.to_string(),
+        }
+    }
+
+    /// Damage in `path`, at its place.
+    fn damaged(path: &std::path::Path, (offset, damage): records::Located) -> Self {
+        LogError::Damaged {
+            path: path.to_owned(),
+            offset,
+            damage,
+        }
+    }
+
     /// For a file that begins with `found` instead of the magic.
     fn no_log(path: &std::path::Path, found: Vec<u8>) -> Self {
         let path = path.to_owned();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::LogError;
 use super::entry::Entry;
 use super::loss_account::{Counts, FrameLedger, LogOutcome, SummaryInput};
-use super::messages::{self, pb};
+use super::messages::pb;
 use super::queue::{Admission, Popped, Queue, Queued};
 use super::settings::{Head, PartOpener, WriteSettings};
 use super::time::LogTime;
@@ -102,16 +102,6 @@ impl Recorder {
         self.push(Entry::command(message));
     }
 
-    /// The controller's answer.
-    pub fn echo(&self, message: &pb::ThrusterEcho) {
-        self.push(Entry::echo(message));
-    }
-
-    /// The clocks, once a second.
-    pub fn clock(&self, message: &pb::ClockPair) {
-        self.push(Entry::clock(message));
-    }
-
     /// What happened to the daemon.
     pub fn event(&self, event: &Event) {
         // It takes back losses which a frame before was marked with.
@@ -122,46 +112,6 @@ impl Recorder {
             queue.with(|_, producers| producers.frames.retract(frames));
         }
         self.push(Entry::event(event));
-    }
-
-    /// The stripe of a frame.
-    pub fn profile(&self, message: &pb::StripeProfile) {
-        self.push(Entry::profile(message));
-    }
-
-    /// The stripe over the image, see [`messages::stripe_annotations`].
-    pub fn annotations(&self, message: &messages::ImageAnnotations) {
-        self.push(Entry::annotations(message));
-    }
-
-    /// The camera's intrinsics.
-    pub fn camera_calibration(&self, message: &messages::CameraCalibration) {
-        self.push(Entry::camera_calibration(message));
-    }
-
-    /// The map from image to laser plane.
-    pub fn plane_calibration(&self, message: &pb::PlaneCalibration) {
-        self.push(Entry::plane_calibration(message));
-    }
-
-    /// A measured pose.
-    pub fn motion(&self, message: &pb::VehicleMotion) {
-        self.push(Entry::motion(message));
-    }
-
-    /// The simulator's truth.
-    pub fn truth(&self, message: &pb::VehicleMotion) {
-        self.push(Entry::truth(message));
-    }
-
-    /// A pose for viewers.
-    pub fn pose(&self, message: &messages::PoseInFrame) {
-        self.push(Entry::pose(message));
-    }
-
-    /// A line of the daemon's own log.
-    pub fn log_line(&self, message: &messages::Log) {
-        self.push(Entry::log_line(message));
     }
 
     /// Anything; stamps it with the log time, in the order of arrival.

@@ -5,6 +5,7 @@ use crate::calibrate::live::Live;
 use hydroline_calib::Calibration;
 use hydroline_core::frame::GreyImage;
 use hydroline_core::shutdown::StopReason;
+use hydroline_log::Entry;
 use std::sync::{MutexGuard, PoisonError};
 
 /// Where the calibration of a recording stands.
@@ -29,7 +30,7 @@ pub(super) fn lock(shared: &Shared) -> MutexGuard<'_, Option<Calibrating>> {
 pub(super) fn look(shared: &Shared, live: &mut Live, image: &GreyImage, stamp_ns: u64, ends: bool) {
     let look = live.look(image, stamp_ns);
     if let Some(progress) = &look.progress {
-        shared.recorder.plane_calibration(progress);
+        shared.recorder.push(Entry::plane_calibration(progress));
     }
     for event in &look.events {
         shared.event(event);

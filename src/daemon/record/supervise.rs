@@ -6,7 +6,7 @@ use crate::signals::Signals;
 use hydroline_core::event::{Severity, kind};
 use hydroline_core::heartbeat::Liveness;
 use hydroline_core::shutdown::StopReason;
-use hydroline_log::messages;
+use hydroline_log::{Entry, messages};
 use hydroline_thruster::ThrusterService;
 use hydroline_thruster::safety::{NeutralReason, State};
 use hydroline_thruster::service::PlanState;
@@ -318,10 +318,12 @@ impl Supervisor<'_> {
             host_epoch_ns: c.host_epoch_ns,
             controller_epoch_us: c.controller_epoch_us,
         });
-        self.shared.recorder.clock(&messages::clock_message(
-            &self.shared.clock.triple(),
-            controller,
-        ));
+        self.shared
+            .recorder
+            .push(Entry::clock(&messages::clock_message(
+                &self.shared.clock.triple(),
+                controller,
+            )));
     }
 
     fn status(&self) -> Status {

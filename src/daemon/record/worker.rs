@@ -14,7 +14,7 @@ use hydroline_core::event::{Severity, kind};
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
-use hydroline_log::messages;
+use hydroline_log::{Entry, messages};
 use hydroline_pose::joint::{JointPose, PoseFault};
 use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
@@ -155,9 +155,9 @@ pub(super) fn analysis(
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
                     let (profile, pixels) = analyst.analyse_whole(&frame);
-                    shared.recorder.profile(&profile);
+                    shared.recorder.push(Entry::profile(&profile));
                     let drawing = messages::stripe_annotations(&profile);
-                    shared.recorder.annotations(&drawing);
+                    shared.recorder.push(Entry::annotations(&drawing));
                     if let Some(desk) = &shared.desk {
                         desk.show(&frame, &profile);
                     }
@@ -224,9 +224,9 @@ pub(super) fn poses(
                     if let RunPose::Good(fit) = pose {
                         measured(shared, &seen, &fit);
                         let motion = motion_message(stamp_ns, &fit);
-                        shared.recorder.motion(&motion);
+                        shared.recorder.push(Entry::motion(&motion));
                         if let Some(pose) = messages::pose_message(&motion) {
-                            shared.recorder.pose(&pose);
+                            shared.recorder.push(Entry::pose(&pose));
                         }
                     }
                 }
