@@ -6,12 +6,13 @@
 use hydroline_calib::IdealMap;
 use hydroline_capture::CaptureError;
 use hydroline_capture::sim::Scene;
-use hydroline_log::messages::{pb::VehicleMotion, timestamp};
+use hydroline_core::lock::Lock;
+use hydroline_log::messages::VehicleMotion;
 use hydroline_log::{Entry, Recorder};
 use hydroline_rigs::{Board, Rig};
 use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
 use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// A vehicle that exists only here.
 pub struct SimulatedVehicle {
@@ -71,7 +72,7 @@ impl SimulatedVehicle {
         let Some(place) = self.channels.iter().position(|c| *c == channel) else {
             return Ok(());
         };
-        let mut state = self.lock();
+        let mut state = self.world.held();
         // A pulse of 0 us (output off) drives a speed controller to neutral.
         state.pulses_us[place] = if pulse_us == 0.0 {
             self.neutral_us
@@ -83,31 +84,19 @@ impl SimulatedVehicle {
         let pulses = state.pulses_us.clone();
         state.world.command_pulses(t_s, &pulses)
     }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
-        self.world.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// A state as the message that `/sim/truth` and simulated `/vehicle/motion` carry.
 pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
-    let [x, y, z, phi, theta, psi] = state.eta.map(Some);
-    let [u, v, w, p, q, r] = state.nu.map(Some);
+    let [u_mps, v_mps, w_mps, p_radps, q_radps, r_radps] = state.nu.map(Some);
     VehicleMotion {
-        timestamp: Some(timestamp(unix_ns)),
-        x_m: x,
-        y_m: y,
-        z_m: z,
-        phi_rad: phi,
-        theta_rad: theta,
-        psi_rad: psi,
-        u_mps: u,
-        v_mps: v,
-        w_mps: w,
-        p_radps: p,
-        q_radps: q,
-        r_radps: r,
-        ..VehicleMotion::default()
+        u_mps,
+        v_mps,
+        w_mps,
+        p_radps,
+        q_radps,
+        r_radps,
+        ..VehicleMotion::of_pose(unix_ns, state.eta.map(Some))
     }
 }
 
@@ -216,13 +205,13 @@ fn failed(error: &SimError) -> CaptureError {
 
 impl Scene for CameraView {
     fn complete_s(&self, t_s: f64) -> f64 {
-        let state = self.vehicle.lock();
+        let state = self.vehicle.world.held();
         state.world.latest_scene_time_s(t_s, self.rows()).max(t_s)
     }
 
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError> {
         let (poses, truth) = {
-            let mut state = self.vehicle.lock();
+            let mut state = self.vehicle.world.held();
             let rows = self.rows();
             let poses = state.world.frame_poses(t_s, rows).map_err(|e| failed(&e))?;
             let truth = state.world.state_at(t_s).map_err(|e| failed(&e))?;

@@ -70,9 +70,6 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
 }
 
 /// Removes what an interrupted export has left in a folder, so that it can be made anew.
-///
-/// # Errors
-/// [`LogError::Output`].
 pub fn take_back(into: &Path) -> Result<(), LogError> {
     let part = into.join(UNFINISHED);
     match std::fs::remove_dir_all(&part) {
@@ -322,20 +319,7 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
 
 fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
     row.cell(log_ns).cell(stamp_ns);
-    for value in [
-        m.x_m,
-        m.y_m,
-        m.z_m,
-        m.phi_rad,
-        m.theta_rad,
-        m.psi_rad,
-        m.u_mps,
-        m.v_mps,
-        m.w_mps,
-        m.p_radps,
-        m.q_radps,
-        m.r_radps,
-    ] {
+    for value in m.eta().into_iter().chain(m.nu()) {
         row.maybe(value.filter(|v| v.is_finite()));
     }
     let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();

@@ -104,6 +104,39 @@ stamped!(unix_ns => ThrusterCommand, ThrusterEcho, VehicleMotion, FrameInfo, Clo
     StripeProfile, PlaneCalibration);
 stamped!(foxglove_ns => RawImage, CompressedImage, CameraCalibration, ImageAnnotations, PoseInFrame, Log);
 
+impl VehicleMotion {
+    /// Position and attitude at a stamp (UNIX \[ns\]), SNAME order; what was not measured is absent.
+    pub fn of_pose(unix_ns: u64, eta: [Option<f64>; 6]) -> Self {
+        let [x_m, y_m, z_m, phi_rad, theta_rad, psi_rad] = eta;
+        Self {
+            timestamp: Some(timestamp(unix_ns)),
+            x_m,
+            y_m,
+            z_m,
+            phi_rad,
+            theta_rad,
+            psi_rad,
+            ..Self::default()
+        }
+    }
+
+    /// Position \[m\] and attitude \[rad\], SNAME order.
+    pub fn eta(&self) -> [Option<f64>; 6] {
+        let angles = [self.phi_rad, self.theta_rad, self.psi_rad];
+        [
+            self.x_m, self.y_m, self.z_m, angles[0], angles[1], angles[2],
+        ]
+    }
+
+    /// Velocities \[m/s, rad/s\], SNAME order.
+    pub fn nu(&self) -> [Option<f64>; 6] {
+        let rates = [self.p_radps, self.q_radps, self.r_radps];
+        [
+            self.u_mps, self.v_mps, self.w_mps, rates[0], rates[1], rates[2],
+        ]
+    }
+}
+
 /// An event as a message.
 pub fn event_message(event: &Event) -> pb::Event {
     let severity = match event.severity {

@@ -1,7 +1,8 @@
 //! The live log: a cheap handle for every producer, one queue, one writer thread.
 
+use hydroline_core::lock::Lock;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -178,22 +179,13 @@ impl Recorder {
 
     /// Live counters.
     pub fn counts(&self) -> Counts {
-        let writer = self
-            .shared
-            .writer_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone();
+        let writer = self.shared.writer_counts.held().clone();
         producer_counts(&self.shared.queue, writer)
     }
 
     /// Why writing stopped (disk full or failed, the writer panicked), if it did: the recording should end.
     pub fn stopped(&self) -> Option<String> {
-        let counts = self
-            .shared
-            .writer_counts
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let counts = self.shared.writer_counts.held();
         counts.stopped.clone()
     }
 
@@ -210,11 +202,7 @@ impl Recorder {
 impl Shared {
     fn finish(&self, summary: &SummaryInput) -> Result<LogOutcome, LogError> {
         self.queue.with(|queue, _| queue.close());
-        let thread = self
-            .thread
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take();
+        let thread = self.thread.held().take();
         let writer = thread
             .ok_or(LogError::Finished)?
             .join()
@@ -224,12 +212,7 @@ impl Shared {
         let now_ns = self.clock.monotonic_ns();
         let counts = || producer_counts(&self.queue, Counts::default());
         let outcome = writer.finish(now_ns, summary, &counts);
-        outcome.counts.clone_into(
-            &mut self
-                .writer_counts
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner),
-        );
+        outcome.counts.clone_into(&mut self.writer_counts.held());
         Ok(outcome)
     }
 }
@@ -291,10 +274,7 @@ fn run(
         "the log's writer panicked ({words}), {given_up} queued entries are lost; `hydroline recover` mends the file"
     );
     tracing::error!("{why}");
-    shared
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .stopped = Some(why);
+    shared.held().stopped = Some(why);
     // What panicked while writing may panic again while being dropped.
     catch_unwind(AssertUnwindSafe(|| drop(writer))).ok();
     None
@@ -329,6 +309,6 @@ fn drain(
         }
         let mut latest = Counts::default();
         writer.count_into(&mut latest);
-        *shared.lock().unwrap_or_else(PoisonError::into_inner) = latest;
+        *shared.held() = latest;
     }
 }

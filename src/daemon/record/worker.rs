@@ -12,6 +12,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
 use hydroline_core::event::{Severity, kind};
 use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hydroline_log::{Entry, messages};
@@ -20,7 +21,7 @@ use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
 use hydroline_stripe::Profile;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -166,8 +167,7 @@ pub(super) fn analysis(
                         calibrating::look(shared, live, image, stamp_ns, ends);
                     } else if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
                         let at_ns = frame.meta.received_monotonic_ns;
-                        *shared.floor.lock().unwrap_or_else(PoisonError::into_inner) =
-                            Some((at_ns, floor));
+                        *shared.floor.held() = Some((at_ns, floor));
                     }
                     shared.progress(|p| {
                         p.analysed += 1;
@@ -243,7 +243,7 @@ pub(super) fn poses(
 /// What the limits go by.
 fn measured(shared: &Shared, seen: &Seen, fit: &JointPose) {
     let measured = MeasuredPose::of(seen.received_ns, fit);
-    *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) = Some(measured);
+    *shared.pose.held() = Some(measured);
     if let Some(desk) = &shared.desk {
         let now = shared.clock.triple();
         let ahead_ns = now.realtime_ns.saturating_sub(now.monotonic_ns);
