@@ -17,19 +17,14 @@ pub use board_map::{NodeResidual, Placement};
 
 /// What is wrong with a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // The messages say what stands in them.
 pub enum CalibError {
     /// The file cannot be read at all.
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
-    NoFile {
-        /// File as named by the caller.
-        file: String,
-        /// The system's words.
-        reason: String,
-    },
+    NoFile { file: String, reason: String },
     /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
     Unreadable {
-        /// File as named by the caller.
         file: String,
         /// The parser's words, with line.
         reason: String,
@@ -39,21 +34,14 @@ pub enum CalibError {
         "{file}: {key} is {value}, but must be {allowed}. Calibrate again, or restore the file"
     )]
     OutOfRange {
-        /// File as named by the caller.
         file: String,
-        /// Key path.
         key: &'static str,
-        /// Value as read.
         value: f64,
-        /// Allowed range with unit.
         allowed: &'static str,
     },
     /// The calibration could not be written as TOML.
     #[error("the calibration cannot be written: {reason}")]
-    Unwritable {
-        /// The serialiser's words.
-        reason: String,
-    },
+    Unwritable { reason: String },
 }
 
 /// What the light passed through when the map was made.
@@ -153,6 +141,7 @@ impl MapParameters {
     pub fn fitted(&self) -> Option<FittedMap> {
         match self {
             MapParameters::Ideal(_) => None,
+            #[cfg(feature = "lab")]
             MapParameters::Grid(map) => Some(FittedMap::Grid((**map).clone())),
             MapParameters::Homography(map) => Some(FittedMap::Homography((**map).clone())),
             MapParameters::Refractive(map) => Some(FittedMap::Refractive((**map).clone())),
@@ -278,6 +267,7 @@ impl Calibration {
         check("coplanarity", 0.0, sound, "finite, its camera off the face")?;
         let p = match &self.map {
             MapParameters::Ideal(p) => p,
+            #[cfg(feature = "lab")]
             MapParameters::Grid(_) => return Ok(()), // its nodes were checked while it was built
             MapParameters::Homography(map) => {
                 return check(

@@ -127,17 +127,14 @@ impl Method {
 
 /// Why no map could be made of the nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // The messages say what stands in them.
 pub enum MapError {
-    /// Too few nodes.
     #[error(
         "{found} nodes are too few for `{method}`, which needs {needed}; show more of the board"
     )]
     TooFewNodes {
-        /// Method asked for.
         method: &'static str,
-        /// Nodes given.
         found: usize,
-        /// Nodes needed.
         needed: usize,
     },
     /// A node with numbers that cannot be.
@@ -145,23 +142,15 @@ pub enum MapError {
         "node {index} at pixel ({column_px}, {row_px}) has a coordinate or covariance that is not a sound number"
     )]
     BadNode {
-        /// Index in the list.
         index: usize,
-        /// Column as given.
         column_px: f64,
-        /// Row as given.
         row_px: f64,
     },
     /// The nodes do not lie on a grid of lines.
     #[error(
         "the nodes lie on {columns} longitudes and {rows} latitudes with enough nodes each; a grid map needs at least 3 of both"
     )]
-    NotAGrid {
-        /// Usable longitudes.
-        columns: usize,
-        /// Usable latitudes.
-        rows: usize,
-    },
+    NotAGrid { columns: usize, rows: usize },
     /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
@@ -170,12 +159,9 @@ pub enum MapError {
         "`refractive` needs an approximate focal length, port and water index (rig file: camera, port); none was given"
     )]
     PriorMissing,
-    /// The fit itself failed.
     #[error("`{method}` could not be fitted: {source}")]
     Fit {
-        /// Method asked for.
         method: &'static str,
-        /// Cause.
         source: LmError,
     },
 }

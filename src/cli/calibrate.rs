@@ -318,11 +318,7 @@ fn finish(
     } else {
         out!("{report}");
     }
-    Ok(if collected.refused_images > 0 {
-        Outcome::Lossy
-    } else {
-        Outcome::Done
-    })
+    Ok(Outcome::of(collected.refused_images > 0))
 }
 
 #[cfg(test)]

@@ -99,18 +99,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn finding(what: &'static str, result: Result<String, String>) -> Finding {
-    match result {
-        Ok(words) => Finding {
-            what,
-            ok: true,
-            words,
-        },
-        Err(words) => Finding {
-            what,
-            ok: false,
-            words,
-        },
-    }
+    let ok = result.is_ok();
+    let words = result.unwrap_or_else(|why| why);
+    Finding { what, ok, words }
 }
 
 /// Opens the camera as a recording would, and waits for a good frame.
@@ -249,11 +240,7 @@ fn clock() -> Finding {
         )
     };
     // Stamps within one log need no time server: worth saying, no reason not to record.
-    Finding {
-        what: "clock",
-        ok: true,
-        words,
-    }
+    finding("clock", Ok(words))
 }
 
 fn disk(rig: &Rig, args: &Args) -> Finding {

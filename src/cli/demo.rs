@@ -85,7 +85,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         args.out.join("surge-8n.mcap").display()
     );
     outln!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
-    Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
+    Ok(Outcome::of(lossy))
 }
 
 /// The log that a run is replayed into: stripes and poses, no images.

@@ -229,9 +229,5 @@ fn write(
             );
         }
     }
-    Ok(if found.has_faults() || outcome.lost.total() > 0 {
-        Outcome::Lossy
-    } else {
-        Outcome::Done
-    })
+    Ok(Outcome::of(found.has_faults() || outcome.lost.total() > 0))
 }

@@ -69,9 +69,6 @@ use std::process::ExitCode;
 pub use outcome::{CliError, Outcome, exit_code};
 
 /// A rig by file or built-in name, checked as every command does.
-///
-/// # Errors
-/// [`CliError::Config`].
 pub fn load_rig(argument: &str) -> Result<hydroline_rigs::Rig, CliError> {
     inputs::rig(argument)
 }

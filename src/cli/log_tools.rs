@@ -223,10 +223,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
             true => many.json(log, &diagnosis)?,
             false => out!("{diagnosis}"),
         }
-        Ok(match diagnosis.complete() {
-            true => Outcome::Done,
-            false => Outcome::Lossy,
-        })
+        Ok(Outcome::of(!diagnosis.complete()))
     };
     let refused = many.refused_line(args.json);
     many.each(rayon::current_num_threads(), of, report, refused)
@@ -239,9 +236,5 @@ pub fn recover(args: &RecoverArgs, build: BuildInfo) -> Result<Outcome, CliError
         true => print::json(&recovery)?,
         false => out!("{recovery}"),
     }
-    Ok(if recovery.lossy {
-        Outcome::Lossy
-    } else {
-        Outcome::Done
-    })
+    Ok(Outcome::of(recovery.lossy))
 }

@@ -2,9 +2,10 @@
 
 use super::call::{self, Listener};
 use super::print::errln;
+use hydroline_core::lock::Lock;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -64,14 +65,10 @@ struct Now {
 }
 
 impl Stage {
-    fn lock(&self) -> MutexGuard<'_, Now> {
-        self.now.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Says where the work is until it ends.
     fn tell(&self, what: &str, began: Instant) {
         let mut wait = FIRST_LINE;
-        let mut now = self.lock();
+        let mut now = self.now.held();
         loop {
             let ended = |now: &mut Now| !now.ended;
             let (got, _) = self
@@ -130,7 +127,7 @@ impl Stages {
 
     /// How far a stage is.
     pub fn at(&self, stage: &str) {
-        let mut now = self.stage_now.lock();
+        let mut now = self.stage_now.now.held();
         stage.clone_into(&mut now.stage);
         self.hear(stage, now.stages);
         drop(now);
@@ -139,7 +136,7 @@ impl Stages {
 
     /// The next stage.
     pub fn tell(&self, stage: &str) {
-        let mut now = self.stage_now.lock();
+        let mut now = self.stage_now.now.held();
         now.stages += 1;
         stage.clone_into(&mut now.stage);
         self.hear(stage, now.stages);
@@ -151,7 +148,7 @@ impl Stages {
 
 impl Drop for Stages {
     fn drop(&mut self) {
-        self.stage_now.lock().ended = true;
+        self.stage_now.now.held().ended = true;
         self.stage_now.changed.notify_all();
         if let Some(teller) = self.teller.take() {
             let _ = teller.join();

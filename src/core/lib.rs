@@ -18,6 +18,7 @@ pub mod clock;
 pub mod event;
 pub mod frame;
 pub mod heartbeat;
+pub mod lock;
 pub mod plain;
 pub mod run;
 pub mod session;

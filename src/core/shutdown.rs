@@ -1,5 +1,6 @@
 //! One shutdown signal for everything that runs: raised once, with a reason, seen by all.
 
+use crate::lock::Lock;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -58,11 +59,7 @@ impl Shutdown {
 
     /// Raises it; later calls change nothing.
     pub fn raise(&self, reason: StopReason) {
-        let mut slot = self
-            .inner
-            .reason
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut slot = self.inner.reason.held();
         if slot.is_none() {
             *slot = Some(reason);
         }
@@ -72,11 +69,7 @@ impl Shutdown {
 
     /// The reason, once raised.
     pub fn reason(&self) -> Option<StopReason> {
-        self.inner
-            .reason
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.inner.reason.held().clone()
     }
 
     /// Whether it was raised.
@@ -86,11 +79,7 @@ impl Shutdown {
 
     /// Waits up to `wait`; true when raised.
     pub fn wait(&self, wait: Duration) -> bool {
-        let slot = self
-            .inner
-            .reason
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let slot = self.inner.reason.held();
         let (slot, _) = self
             .inner
             .raised

@@ -33,9 +33,10 @@ use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_core::heartbeat::Heartbeat;
+use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
-use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
+use hydroline_log::{Entry, FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
@@ -48,7 +49,7 @@ use mailbox::Mailbox;
 use measured_pose::MeasuredPose;
 use publisher::{Desk, Note};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -221,7 +222,7 @@ struct Progress {
 
 impl Shared {
     fn progress<R>(&self, f: impl FnOnce(&mut Progress) -> R) -> R {
-        f(&mut self.progress.lock().unwrap_or_else(PoisonError::into_inner))
+        f(&mut self.progress.held())
     }
 
     /// An event goes to the log and, by its severity, to the diagnostics.
@@ -405,7 +406,7 @@ pub fn run(
         poses,
         thrusters,
         log,
-        calibration: calibrating::lock(&shared).take(),
+        calibration: shared.calibrating.held().take(),
     })
 }
 
@@ -414,12 +415,15 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
     let now_ns = shared.clock.triple().realtime_ns;
     shared
         .recorder
-        .camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
+        .push(Entry::camera_calibration(&messages::camera_calibration(
+            &rig.camera,
+            now_ns,
+        )));
     match map {
         Some(map) => {
             let calibration = map.describe();
             let message = message::in_force(&calibration, now_ns);
-            shared.recorder.plane_calibration(&message);
+            shared.recorder.push(Entry::plane_calibration(&message));
             if calibration.residuals.is_none() && searching {
                 shared.say(
                     Severity::Info,
@@ -471,7 +475,7 @@ fn start_service(
             });
         }
         LinkRecord::Echo(echo) => {
-            to.recorder.echo(&pb::ThrusterEcho {
+            to.recorder.push(Entry::echo(&pb::ThrusterEcho {
                 timestamp: Some(timestamp(echo.timestamp_ns)),
                 sequence: echo.sequence,
                 thruster: echo.thruster.to_string(),
@@ -479,14 +483,14 @@ fn start_service(
                 controller_time_us: echo.controller_time_us,
                 round_trip_s: echo.round_trip_s,
                 errors: echo.errors,
-            });
+            }));
             if let Some(desk) = &to.desk {
                 desk.post(Note::Echo(echo));
             }
         }
         LinkRecord::Event(event) => to.event(&event),
         LinkRecord::Clock(clock) => {
-            *to.controller.lock().unwrap_or_else(PoisonError::into_inner) = Some(clock);
+            *to.controller.held() = Some(clock);
         }
     });
     ThrusterService::start(config, opener, shared.clock.clone(), sink)
@@ -545,48 +549,44 @@ fn summary(
             .map(|(cause, n)| (cause.to_owned(), n))
             .collect(),
     });
-    let mut put = |key: &str, value: String| summary.more.insert(key.to_owned(), value);
-    put("frames.analysed", analysed.to_string());
-    put("frames.not_analysed", skipped.to_string());
-    put("frames.disagreement", counts.disagreement.to_string());
-    put("frames.period_s", counts.period_s.to_string());
+    let mut put = |key: &str, value: &dyn std::fmt::Display| {
+        summary.more.insert(key.to_owned(), value.to_string());
+    };
+    put("frames.analysed", &analysed);
+    put("frames.not_analysed", &skipped);
+    put("frames.disagreement", &counts.disagreement);
+    put("frames.period_s", &counts.period_s);
     put(
         "frames.excluded.driver_error",
-        counts.excluded.driver_error.to_string(),
+        &counts.excluded.driver_error,
     );
-    put(
-        "frames.excluded.truncated",
-        counts.excluded.truncated.to_string(),
-    );
-    put(
-        "frames.excluded.broken_jpeg",
-        counts.excluded.broken_jpeg.to_string(),
-    );
-    put("frames.excluded.stale", counts.excluded.stale.to_string());
-    put("frames.void", counts.excluded.void.to_string());
+    put("frames.excluded.truncated", &counts.excluded.truncated);
+    put("frames.excluded.broken_jpeg", &counts.excluded.broken_jpeg);
+    put("frames.excluded.stale", &counts.excluded.stale);
+    put("frames.void", &counts.excluded.void);
     // With these the file's own count closes: logged + dropped = received + leftover + repeated.
-    put("frames.leftover", counts.excluded.leftover.to_string());
-    put("frames.repeated", counts.excluded.repeated.to_string());
-    put("frames.lost_at_end", counts.lost_at_end.to_string());
-    put("source.restarts", counts.restarts.to_string());
+    put("frames.leftover", &counts.excluded.leftover);
+    put("frames.repeated", &counts.excluded.repeated);
+    put("frames.lost_at_end", &counts.lost_at_end);
+    put("source.restarts", &counts.restarts);
     if let Some(poses) = poses {
-        put("poses.fitted", poses.fitted.to_string());
-        put("poses.doubtful", poses.flagged.to_string());
-        put("poses.none", poses.none.values().sum::<u64>().to_string());
+        put("poses.fitted", &poses.fitted);
+        put("poses.doubtful", &poses.flagged);
+        put("poses.none", &poses.none.values().sum::<u64>());
         for (reason, n) in &poses.none {
-            put(&format!("poses.none.{reason}"), n.to_string());
+            put(&format!("poses.none.{reason}"), &n);
         }
-        put("poses.skipped", poses.skipped.to_string());
-        put("poses.opening", poses.opening.to_string());
+        put("poses.skipped", &poses.skipped);
+        put("poses.opening", &poses.opening);
         for (key, value) in poses.response.iter().flat_map(Found::metadata) {
-            put(&key, value);
+            put(&key, &value);
         }
     }
     if let Some(stats) = thrusters {
-        put("commands.sets", stats.sets.to_string());
-        put("commands.echoed", stats.echoed.to_string());
-        put("commands.skipped", stats.skipped.to_string());
-        put("commands.link_losses", stats.losses.to_string());
+        put("commands.sets", &stats.sets);
+        put("commands.echoed", &stats.echoed);
+        put("commands.skipped", &stats.skipped);
+        put("commands.link_losses", &stats.losses);
     }
     summary
 }

@@ -6,13 +6,14 @@
 use hydroline_calib::IdealMap;
 use hydroline_capture::CaptureError;
 use hydroline_capture::sim::Scene;
+use hydroline_core::lock::Lock;
 use hydroline_core::run::PerChannel;
-use hydroline_log::Recorder;
-use hydroline_log::messages::pb::VehicleMotion;
+use hydroline_log::messages::VehicleMotion;
+use hydroline_log::{Entry, Recorder};
 use hydroline_rigs::{Board, Rig};
 use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
 use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// A vehicle that exists only here.
 pub struct SimulatedVehicle {
@@ -72,7 +73,7 @@ impl SimulatedVehicle {
         let Some(place) = self.channels.iter().position(|c| *c == channel) else {
             return Ok(());
         };
-        let mut state = self.lock();
+        let mut state = self.world.held();
         // A pulse of 0 us (output off) drives a speed controller to neutral.
         state.pulses_us[place] = if pulse_us == 0.0 {
             self.neutral_us
@@ -83,10 +84,6 @@ impl SimulatedVehicle {
         let t_s = (at_ns.saturating_sub(start_ns) as f64 / 1e9).max(state.last_t_s);
         let pulses = state.pulses_us.clone();
         state.world.command_pulses(t_s, &pulses)
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
-        self.world.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -200,13 +197,13 @@ fn failed(error: &SimError) -> CaptureError {
 
 impl Scene for CameraView {
     fn complete_s(&self, t_s: f64) -> f64 {
-        let state = self.vehicle.lock();
+        let state = self.vehicle.world.held();
         state.world.latest_scene_time_s(t_s, self.rows()).max(t_s)
     }
 
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError> {
         let (poses, truth) = {
-            let mut state = self.vehicle.lock();
+            let mut state = self.vehicle.world.held();
             let rows = self.rows();
             let poses = state.world.frame_poses(t_s, rows).map_err(|e| failed(&e))?;
             let truth = state.world.state_at(t_s).map_err(|e| failed(&e))?;
@@ -214,7 +211,10 @@ impl Scene for CameraView {
             (poses, truth)
         };
         if let Some((recorder, start_unix_ns)) = self.vehicle.recorder.get() {
-            recorder.truth(&motion_message(start_unix_ns + (t_s * 1e9) as u64, &truth));
+            recorder.push(Entry::truth(&motion_message(
+                start_unix_ns + (t_s * 1e9) as u64,
+                &truth,
+            )));
         }
         Ok(match &self.seen {
             Seen::Tank(renderer) => renderer.render_frame(&poses, index).0,

@@ -5,8 +5,9 @@
 
 use super::picture::Picture;
 use super::state::State;
+use hydroline_core::lock::Lock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::watch;
 
@@ -115,7 +116,7 @@ impl Feed {
 
     /// From now on STOP brings this line to neutral. Pressed before: at once.
     pub fn attach(&self, line: StopLine) {
-        let mut slot = self.lock();
+        let mut slot = self.line.held();
         if self.pressed() {
             line();
         }
@@ -124,7 +125,7 @@ impl Feed {
 
     /// The line is closed.
     pub fn detach(&self) {
-        *self.lock() = None;
+        *self.line.held() = None;
     }
 
     /// STOP. False when there is nothing to stop and never will be.
@@ -134,7 +135,7 @@ impl Feed {
         }
         // First the flag: a line that is attached meanwhile sees it.
         self.pressed.store(true, Ordering::Release);
-        if let Some(line) = &*self.lock() {
+        if let Some(line) = &*self.line.held() {
             line();
         }
         true
@@ -143,10 +144,6 @@ impl Feed {
     /// Whether STOP was pressed: for good, as for every run that would follow.
     pub fn pressed(&self) -> bool {
         self.pressed.load(Ordering::Acquire)
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<StopLine>> {
-        self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -50,10 +50,7 @@ impl AtomicFile {
                 path: self.whole.clone(),
             });
         }
-        std::fs::rename(&self.part, &self.whole).map_err(|e| LogError::Output {
-            path: self.whole.clone(),
-            reason: e.to_string(),
-        })?;
+        std::fs::rename(&self.part, &self.whole).map_err(LogError::output(&self.whole))?;
         self.done = true;
         Ok(())
     }

@@ -4,7 +4,7 @@ mod checks;
 mod conclude;
 mod obeyed;
 
-use hydroline_core::plain::line;
+use hydroline_core::plain::Lines;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -125,6 +125,7 @@ impl Diagnosis {
 
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut f = Lines(f);
         let verdict = if self.sound { "sound" } else { "NOT sound" };
         let recovered = match (self.recovered_lost, self.frames_lost) {
             (Some(_), lost) => format!("recovered, {lost} frames lost; "),
@@ -136,13 +137,11 @@ impl fmt::Display for Diagnosis {
         } else {
             ""
         };
-        line(
+        writeln!(
             f,
-            format_args!(
-                "{}: {} messages{empty}, {recovered}{verdict}",
-                self.path.display(),
-                self.messages
-            ),
+            "{}: {} messages{empty}, {recovered}{verdict}",
+            self.path.display(),
+            self.messages
         )?;
         for finding in &self.findings {
             let grade = match finding.grade {
@@ -153,11 +152,12 @@ impl fmt::Display for Diagnosis {
             let place = finding
                 .offset
                 .map_or_else(String::new, |o| format!(" (byte {o})"));
-            line(
+            writeln!(
                 f,
-                format_args!("  {grade}: {}: {}{place}", finding.check, finding.message),
+                "  {grade}: {}: {}{place}",
+                finding.check, finding.message
             )?;
-            line(f, format_args!("      -> {}", finding.next_step))?;
+            writeln!(f, "      -> {}", finding.next_step)?;
         }
         Ok(())
     }

@@ -9,7 +9,7 @@
 use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter, Speculative};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
-use hydroline_log::messages::pb::VehicleMotion;
+use hydroline_log::messages::VehicleMotion;
 use hydroline_rigs::Rig;
 use hydroline_stripe::Profile;
 use std::sync::Arc;
@@ -157,9 +157,10 @@ impl PoseRun {
 
 /// The message of a pose: what was not measured stays out; its rows in the covariance are zero.
 pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
-    let value = |i: usize| fit.measured[i].then(|| fit.pose.to_array()[i]);
+    let eta = fit.pose.to_array();
+    let eta = std::array::from_fn(|i| fit.measured[i].then(|| eta[i]));
     VehicleMotion {
         covariance: fit.covariance.transpose().iter().copied().collect(),
-        ..VehicleMotion::of_pose(stamp_ns, std::array::from_fn(value))
+        ..VehicleMotion::of_pose(stamp_ns, eta)
     }
 }

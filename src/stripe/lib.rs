@@ -102,6 +102,7 @@ pub struct Profile {
 
 /// Why a frame has no stripe.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ProfileFault {
     /// The pixel buffer does not fit the stated size.
     #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]
@@ -110,9 +111,7 @@ pub enum ProfileFault {
         width_px: usize,
         /// Height \[px\].
         height_px: usize,
-        /// Bytes needed.
         needed: usize,
-        /// Bytes there.
         got: usize,
     },
     /// Too small to hold a stripe.
@@ -124,9 +123,7 @@ pub enum ProfileFault {
         width_px: usize,
         /// Height \[px\].
         height_px: usize,
-        /// Fewest columns.
         min_columns: usize,
-        /// Fewest rows.
         min_rows: usize,
     },
     /// Nothing stands out of the noise.
@@ -143,11 +140,8 @@ pub enum ProfileFault {
     /// Something stands out, but not a stripe.
     #[error("no stripe: bright spots in {spotted} columns, a stripe in {found}, needed {needed}")]
     TooFewColumns {
-        /// Columns with a candidate.
         spotted: usize,
-        /// Columns with a point.
         found: usize,
-        /// Columns needed.
         needed: usize,
     },
 }

@@ -1,6 +1,6 @@
 //! One [`ThrusterLink`] for every controller: sets of pulses out, echoes in.
 //!
-//! [`Protocol`] is the part without I/O (bytes to events and back); [`WireLink`] drives one over a byte
+//! [`Protocol`] is the part without I/O (bytes to events and back); the link drives one over a byte
 //! [`Transport`]. Both protocols answer every command: `stamped` with its Ack,
 //! the Maestro with the positions that are asked for right behind the targets.
 
@@ -105,43 +105,22 @@ pub trait Protocol: Send {
     fn clock(&self) -> Option<Estimate>;
 }
 
-/// A link to a thruster controller.
-pub trait ThrusterLink: Send {
-    /// Brings a freshly opened line into a known state.
-    ///
-    /// # Errors
-    /// When the line does not take the bytes.
-    fn open(&mut self) -> io::Result<()>;
-    /// Sends one set, all channels.
-    ///
-    /// # Errors
-    /// When the line does not take the bytes in time.
-    fn send(&mut self, sequence: u32, pulses: &[ChannelPulse], neutral: bool) -> io::Result<Sent>;
-    /// Waits up to `wait` for bytes and returns what they mean; sends housekeeping that is due.
-    ///
-    /// # Errors
-    /// When the line is gone.
-    fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>>;
-    /// Bytes the kernel still holds although they should be out; `None` where it cannot say.
-    fn unsent_bytes(&mut self) -> Option<usize>;
-    /// Since when something was asked and nothing sound has been heard \[ns\]; `None` = no answer is overdue.
-    fn silent_since_ns(&self) -> Option<u64>;
-    /// State of the controller's clock, where it has one.
-    fn clock(&self) -> Option<Estimate>;
-}
-
-/// A protocol over a transport.
-pub struct WireLink<P, T> {
-    protocol: P,
-    transport: T,
+/// A link to a thruster controller: its protocol over a byte line.
+pub struct ThrusterLink {
+    protocol: Box<dyn Protocol>,
+    transport: Box<dyn Transport>,
     buffer: Vec<u8>,
     write_timeout: Duration,
     silent_since_ns: Option<u64>,
 }
 
-impl<P: Protocol, T: Transport> WireLink<P, T> {
+impl ThrusterLink {
     /// `write_timeout` bounds every write.
-    pub fn new(protocol: P, transport: T, write_timeout: Duration) -> Self {
+    pub fn new(
+        protocol: Box<dyn Protocol>,
+        transport: Box<dyn Transport>,
+        write_timeout: Duration,
+    ) -> Self {
         Self {
             protocol,
             transport,
@@ -151,9 +130,9 @@ impl<P: Protocol, T: Transport> WireLink<P, T> {
         }
     }
 
-    /// The two parts.
-    pub fn into_parts(self) -> (P, T) {
-        (self.protocol, self.transport)
+    /// Gives up the line, which closes it, and keeps the protocol for the next one.
+    pub fn into_protocol(self) -> Box<dyn Protocol> {
+        self.protocol
     }
 
     fn write(&mut self) -> io::Result<Sent> {
@@ -173,24 +152,39 @@ impl<P: Protocol, T: Transport> WireLink<P, T> {
             self.write().map(drop)
         }
     }
-}
 
-impl<P: Protocol, T: Transport> ThrusterLink for WireLink<P, T> {
-    fn open(&mut self) -> io::Result<()> {
+    /// Brings a freshly opened line into a known state.
+    ///
+    /// # Errors
+    /// When the line does not take the bytes.
+    pub fn open(&mut self) -> io::Result<()> {
         self.buffer.clear();
         self.protocol
             .opened(self.transport.now_ns(), &mut self.buffer);
         self.write().map(drop)
     }
 
-    fn send(&mut self, sequence: u32, pulses: &[ChannelPulse], neutral: bool) -> io::Result<Sent> {
+    /// Sends one set, all channels.
+    ///
+    /// # Errors
+    /// When the line does not take the bytes in time.
+    pub fn send(
+        &mut self,
+        sequence: u32,
+        pulses: &[ChannelPulse],
+        neutral: bool,
+    ) -> io::Result<Sent> {
         self.buffer.clear();
         self.protocol
             .set_pulses(sequence, pulses, neutral, &mut self.buffer);
         self.write()
     }
 
-    fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>> {
+    /// Waits up to `wait` for bytes and returns what they mean; sends housekeeping that is due.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    pub fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>> {
         self.housekeeping()?;
         let mut events = Vec::new();
         let mut bytes = [0u8; 256];
@@ -210,49 +204,19 @@ impl<P: Protocol, T: Transport> ThrusterLink for WireLink<P, T> {
         }
     }
 
-    fn unsent_bytes(&mut self) -> Option<usize> {
+    /// Bytes the kernel still holds although they should be out; `None` where it cannot say.
+    pub fn unsent_bytes(&mut self) -> Option<usize> {
         self.transport.unsent_bytes()
     }
 
-    fn silent_since_ns(&self) -> Option<u64> {
+    /// Since when something was asked and nothing sound has been heard \[ns\]; `None` = no answer is overdue.
+    pub fn silent_since_ns(&self) -> Option<u64> {
         self.silent_since_ns
     }
 
-    fn clock(&self) -> Option<Estimate> {
+    /// State of the controller's clock, where it has one.
+    pub fn clock(&self) -> Option<Estimate> {
         self.protocol.clock()
-    }
-}
-
-impl Protocol for Box<dyn Protocol> {
-    fn bytes_per_set(&self, channels: usize) -> (usize, usize) {
-        (**self).bytes_per_set(channels)
-    }
-    fn opened(&mut self, now_ns: u64, out: &mut Vec<u8>) {
-        (**self).opened(now_ns, out);
-    }
-    fn set_pulses(
-        &mut self,
-        sequence: u32,
-        pulses: &[ChannelPulse],
-        neutral: bool,
-        out: &mut Vec<u8>,
-    ) {
-        (**self).set_pulses(sequence, pulses, neutral, out);
-    }
-    fn housekeeping(&mut self, now_ns: u64, out: &mut Vec<u8>) {
-        (**self).housekeeping(now_ns, out);
-    }
-    fn sent(&mut self, last_byte_out_ns: u64) {
-        (**self).sent(last_byte_out_ns);
-    }
-    fn receive(&mut self, bytes: &[u8], at_ns: u64, events: &mut Vec<LinkEvent>) {
-        (**self).receive(bytes, at_ns, events);
-    }
-    fn tick(&mut self, now_ns: u64, events: &mut Vec<LinkEvent>) {
-        (**self).tick(now_ns, events);
-    }
-    fn clock(&self) -> Option<Estimate> {
-        (**self).clock()
     }
 }
 

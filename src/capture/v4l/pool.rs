@@ -1,6 +1,7 @@
 //! Frame memory that comes back: a frame's bytes return here when its last clone is dropped.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use hydroline_core::lock::Lock;
+use std::sync::{Arc, Mutex, Weak};
 
 use bytes::Bytes;
 
@@ -30,7 +31,7 @@ impl Drop for Block {
         let Some(home) = self.home.upgrade() else {
             return;
         };
-        let mut shelf = home.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut shelf = home.0.held();
         if shelf.len() < MOST {
             let mut data = std::mem::take(&mut self.data);
             data.clear();
@@ -42,13 +43,7 @@ impl Drop for Block {
 impl Pool {
     /// Bytes that `fill` wrote into a block of the shelf (empty when handed over).
     pub fn bytes(&self, fill: impl FnOnce(&mut Vec<u8>)) -> Bytes {
-        let mut data = self
-            .0
-            .0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .pop()
-            .unwrap_or_default();
+        let mut data = self.0.0.held().pop().unwrap_or_default();
         fill(&mut data);
         Bytes::from_owner(Block {
             data,
@@ -58,11 +53,7 @@ impl Pool {
 
     /// Blocks on the shelf.
     pub fn shelved(&self) -> usize {
-        self.0
-            .0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .len()
+        self.0.0.held().len()
     }
 }
 

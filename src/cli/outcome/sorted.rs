@@ -19,6 +19,8 @@ use hydroline_identify::predict::PredictError;
 use hydroline_identify::predict::residuals::NotBeside;
 use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
+#[cfg(feature = "lab")]
+use hydroline_lab::{benchmark::ProveError, reproduce::ReproduceError};
 use hydroline_live::LiveError;
 use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
@@ -170,12 +172,6 @@ impl Sorted for LiveError {
     }
 }
 
-impl Sorted for ServiceError {
-    fn is_input(&self) -> bool {
-        matches!(self, Self::TooSlow { .. } | Self::Channels { .. })
-    }
-}
-
 impl Sorted for SimulateError {
     fn is_input(&self) -> bool {
         match self {
@@ -194,13 +190,6 @@ impl Sorted for SimError {
             // Numbers that each are allowed and together run away: known only from the run.
             Self::Trajectory(_) => false,
         }
-    }
-}
-
-impl Sorted for PreflightError {
-    fn is_input(&self) -> bool {
-        // The plan is held against the rig: whatever is wrong is wrong with one of them.
-        true
     }
 }
 
@@ -232,12 +221,6 @@ impl Sorted for PredictError {
             | Self::OfRig { .. } => true,
             Self::Trajectory(_) => false,
         }
-    }
-}
-
-impl Sorted for NotBeside {
-    fn is_input(&self) -> bool {
-        true
     }
 }
 
@@ -304,58 +287,45 @@ impl Sorted for JoinError {
     }
 }
 
-#[cfg(feature = "lab")]
-impl Sorted for hydroline_lab::benchmark::ProveError {
-    fn is_input(&self) -> bool {
-        matches!(self, Self::UnknownCase { .. } | Self::Kept { .. })
-    }
-}
-
-impl Sorted for CalibError {
-    fn is_input(&self) -> bool {
-        !matches!(self, Self::Unwritable { .. })
-    }
-}
-
-impl Sorted for FlatError {
-    fn is_input(&self) -> bool {
-        matches!(
-            self,
-            Self::FewExposures { .. } | Self::FewFrames { .. } | Self::Size { .. }
-        )
-    }
-}
-
-#[cfg(feature = "lab")]
-impl Sorted for hydroline_lab::reproduce::ReproduceError {
-    fn is_input(&self) -> bool {
-        // The rigs are built in; what can be misnamed is the target.
-        matches!(self, Self::Rig(_))
-    }
-}
-
-/// All of an error's variants are the doing of what was given, or none.
+/// Errors that a closure sorts.
 macro_rules! sorted {
-    ($($error:ty: $is_input:literal),* $(,)?) => {
+    ($($error:ty: $is_input:expr),* $(,)?) => {
         $(impl Sorted for $error {
             fn is_input(&self) -> bool {
-                $is_input
+                let is_input: fn(&Self) -> bool = $is_input;
+                is_input(self)
             }
         })*
     };
 }
 
 sorted! {
-    RigError: true,
-    UseError: true,
-    MapError: true,
-    EffectError: true,
-    SceneError: true,
-    ThrustError: true,
+    RigError: |_| true,
+    UseError: |_| true,
+    MapError: |_| true,
+    EffectError: |_| true,
+    SceneError: |_| true,
+    ThrustError: |_| true,
+    NotBeside: |_| true,
+    // The plan is held against the rig: whatever is wrong is wrong with one of them.
+    PreflightError: |_| true,
     // The rig was checked already: a camera that is not there or does not do as asked is found by the run.
-    CaptureError: false,
-    FrameError: false,
-    hydroline_calib::map::MapError: false,
-    PtyError: false,
-    serde_json::Error: false,
+    CaptureError: |_| false,
+    FrameError: |_| false,
+    hydroline_calib::map::MapError: |_| false,
+    PtyError: |_| false,
+    serde_json::Error: |_| false,
+    CalibError: |e| !matches!(e, CalibError::Unwritable { .. }),
+    ServiceError: |e| matches!(e, ServiceError::TooSlow { .. } | ServiceError::Channels { .. }),
+    FlatError: |e| matches!(
+        e,
+        FlatError::FewExposures { .. } | FlatError::FewFrames { .. } | FlatError::Size { .. }
+    ),
+}
+
+#[cfg(feature = "lab")]
+sorted! {
+    ProveError: |e| matches!(e, ProveError::UnknownCase { .. } | ProveError::Kept { .. }),
+    // The rigs are built in; what can be misnamed is the target.
+    ReproduceError: |e| matches!(e, ReproduceError::Rig(_)),
 }

@@ -21,26 +21,21 @@ struct Judged {
 fn judged(
     what: &'static str,
     good: impl Into<Option<bool>>,
-    short: String,
-    long: String,
+    short: impl Into<String>,
+    long: impl Into<String>,
 ) -> Judged {
     Judged {
         what,
         good: good.into(),
-        short,
-        long,
+        short: short.into(),
+        long: long.into(),
     }
 }
 
 impl AimView {
     fn focus(&self) -> Judged {
         match self.sigma_px {
-            None => judged(
-                "focus",
-                None,
-                "focus -".to_owned(),
-                "nothing to judge by".to_owned(),
-            ),
+            None => judged("focus", None, "focus -", "nothing to judge by"),
             Some(sigma) if sigma > SIGMA_MAX_PX => judged(
                 "focus",
                 false,
@@ -61,12 +56,7 @@ impl AimView {
     fn exposure(&self) -> Judged {
         let percent = 100.0 * self.saturated;
         match self.peak {
-            None => judged(
-                "exposure",
-                None,
-                "exposure -".to_owned(),
-                "nothing to judge by".to_owned(),
-            ),
+            None => judged("exposure", None, "exposure -", "nothing to judge by"),
             _ if self.saturated > SATURATED_MAX => judged(
                 "exposure",
                 false,
@@ -96,7 +86,7 @@ impl AimView {
         let (found, all) = self.columns;
         if found == 0 {
             let long = "no stripe: is the laser on, in view, and the lens cap off?";
-            return judged("laser", false, "no laser line".to_owned(), long.to_owned());
+            return judged("laser", false, "no laser line", long);
         }
         if (found as f64) < WIDE * f64::from(all) {
             return judged(
@@ -120,7 +110,7 @@ impl AimView {
             let long = format!(
                 "beside the target: none of the line on it, {expected_pc:.0} % at the rig's start"
             );
-            return judged("laser", false, "laser off target".to_owned(), long);
+            return judged("laser", false, "laser off target", long);
         }
         let good = (share - expected).abs() <= TARGET_WITHIN;
         let short = if good {
@@ -128,7 +118,7 @@ impl AimView {
         } else {
             "laser part on target"
         };
-        judged("laser", good, short.to_owned(), long)
+        judged("laser", good, short, long)
     }
 
     fn camera(&self) -> Judged {
@@ -141,7 +131,7 @@ impl AimView {
         }
         if let Some(fault) = self.newest_fault {
             let long = format!("the newest frame is faulty ({fault}): check cable, hub and power");
-            return judged("camera", false, "faulty frame".to_owned(), long);
+            return judged("camera", false, "faulty frame", long);
         }
         let rate = self.steady_fps.unwrap_or(self.rate_fps);
         let slow = self.steady_fps.is_some_and(|r| r < SLOW * self.wanted_fps);

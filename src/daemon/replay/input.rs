@@ -51,28 +51,26 @@ impl Input {
         }
     }
 
-    /// How the recording read its frames; `None` = it read none.
-    pub fn grey_rule(&self) -> Option<GreyRule> {
+    fn log(&self) -> Option<&LogReader> {
         match self {
-            Input::Log(reader) => Some(reader.grey_rule()),
+            Input::Log(reader) => Some(reader),
             Input::Folder(_) => None,
         }
+    }
+
+    /// How the recording read its frames; `None` = it read none.
+    pub fn grey_rule(&self) -> Option<GreyRule> {
+        self.log().map(LogReader::grey_rule)
     }
 
     /// The rig that it was recorded with.
     pub fn rig_toml(&self) -> Option<&str> {
-        match self {
-            Input::Log(reader) => reader.rig_toml(),
-            Input::Folder(_) => None,
-        }
+        self.log()?.rig_toml()
     }
 
     /// What of the metadata is not as it was written.
     pub fn seal_findings(&self) -> Vec<SealFinding> {
-        match self {
-            Input::Log(reader) => reader.seal_findings(),
-            Input::Folder(_) => Vec::new(),
-        }
+        self.log().map_or_else(Vec::new, LogReader::seal_findings)
     }
 
     /// Frames that are known to be missing.

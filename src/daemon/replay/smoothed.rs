@@ -141,9 +141,9 @@ fn measure(
 
 /// The message of a smoothed pose.
 fn message(frame: &Smoothed) -> VehicleMotion {
-    let value = |i: usize| frame.measured[i].then(|| frame.eta[i]);
+    let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
     VehicleMotion {
         covariance: frame.covariance.transpose().iter().copied().collect(),
-        ..VehicleMotion::of_pose(frame.stamp_ns, std::array::from_fn(value))
+        ..VehicleMotion::of_pose(frame.stamp_ns, eta)
     }
 }

@@ -12,7 +12,8 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use bytes::Bytes;
-use std::sync::{Arc, Mutex, PoisonError};
+use hydroline_core::lock::Lock;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::watch;
 
@@ -156,7 +157,7 @@ impl Shared {
         else {
             return StatusCode::NO_CONTENT.into_response();
         };
-        let mut json = self.json.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut json = self.json.held();
         let bytes = match &*json {
             Some((of, bytes)) if *of == number => bytes.clone(),
             _ => {

@@ -2,10 +2,11 @@
 
 use super::{ControllerEvent, SimController};
 use hydroline_core::clock::Clock;
+use hydroline_core::lock::Lock;
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// Why [`serve`] came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,7 +35,7 @@ pub fn serve<S: Read + Write + AsFd>(
     let (mut buffer, mut out) = ([0u8; 512], Vec::new());
     while !stop.load(Ordering::Relaxed) {
         let wake_ns = {
-            let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut controller = controller.held();
             out.clear();
             controller.poll(clock.monotonic_ns(), &mut out, on_pulses);
             controller.next_wake_ns()
@@ -59,7 +60,7 @@ pub fn serve<S: Read + Write + AsFd>(
         match stream.read(&mut buffer) {
             Ok(0) => return Ok(ServeEnd::Closed),
             Ok(n) => {
-                let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut controller = controller.held();
                 controller.receive(clock.monotonic_ns(), &buffer[..n]);
             }
             Err(e)
