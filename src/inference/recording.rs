@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use hydroline_identify::data::{CHANNELS, COMPANIONS, Companions, Run, Sample};
 use hydroline_numerics::statistics::{median, robust_sd};
 
-use super::given::steady;
 use super::smooth::fast_sd;
 
 /// Motion that starts this late after the log's first stamp is a window of a longer log: its state is free, and time
@@ -255,17 +254,6 @@ impl Recording {
                 fast_sd(values.into_iter()).is_some_and(|fast| square.sqrt() > MOVES * fast)
             })
         })
-    }
-
-    /// Whether anything but commands drives these runs: a hull under way, a companion that moves.
-    pub fn is_driven_beside(&self, tolerance: &[f64; 12]) -> bool {
-        let moving = self.moving(tolerance);
-        let rests = (0..6).filter(|d| !moving.contains(d));
-        let under_way = |d: usize| {
-            let mut runs = self.runs.iter();
-            runs.any(|r| steady(r, d, tolerance[6 + d]).is_some())
-        };
-        self.companions_moving().contains(&true) || rests.into_iter().any(under_way)
     }
 }
 
