@@ -153,6 +153,7 @@ impl MapParameters {
     pub fn fitted(&self) -> Option<FittedMap> {
         match self {
             MapParameters::Ideal(_) => None,
+            #[cfg(feature = "lab")]
             MapParameters::Grid(map) => Some(FittedMap::Grid((**map).clone())),
             MapParameters::Homography(map) => Some(FittedMap::Homography((**map).clone())),
             MapParameters::Refractive(map) => Some(FittedMap::Refractive((**map).clone())),
@@ -278,6 +279,7 @@ impl Calibration {
         check("coplanarity", 0.0, sound, "finite, its camera off the face")?;
         let p = match &self.map {
             MapParameters::Ideal(p) => p,
+            #[cfg(feature = "lab")]
             MapParameters::Grid(_) => return Ok(()), // its nodes were checked while it was built
             MapParameters::Homography(map) => {
                 return check(
