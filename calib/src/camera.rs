@@ -1,7 +1,7 @@
 //! The pinhole camera on its mount.
 
 use hydroline_rigs::{Camera, Mounts};
-use nalgebra::{Matrix2x3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::frames::{camera_position_m, camera_to_body_rotation};
 use crate::plane::ImageSize;
@@ -96,23 +96,6 @@ impl Pinhole {
         })
     }
 
-    /// d(column, row)/d(body point) \[px/m\].
-    pub fn project_jacobian(&self, body_m: &Vector3<f64>) -> Option<Matrix2x3<f64>> {
-        let c = self.rotation.tr_mul(&(body_m - self.position_m));
-        if c.z <= 0.0 {
-            return None;
-        }
-        let in_camera = Matrix2x3::new(
-            self.fx_px / c.z,
-            0.0,
-            -self.fx_px * c.x / (c.z * c.z),
-            0.0,
-            self.fy_px / c.z,
-            -self.fy_px * c.y / (c.z * c.z),
-        );
-        Some(in_camera * self.rotation.transpose())
-    }
-
     /// Direction of a pixel's ray in the body frame, unit length.
     pub fn ray(&self, column_px: f64, row_px: f64) -> Vector3<f64> {
         let in_camera = Vector3::new(
@@ -121,11 +104,6 @@ impl Pinhole {
             1.0,
         );
         (self.rotation * in_camera).normalize()
-    }
-
-    /// Where a pixel's ray meets a sheet, body frame \[m\].
-    pub fn meet_sheet(&self, sheet: &Sheet, column_px: f64, row_px: f64) -> Option<Vector3<f64>> {
-        sheet.meet(&self.position_m, &self.ray(column_px, row_px))
     }
 
     /// Whether a pixel coordinate lies on the image.
@@ -158,25 +136,10 @@ mod tests {
         }
 
         #[test]
-        fn projection_jacobian_is_the_derivative(col in 0.0..719.0, row in 0.0..575.0, far in 0.2..2.0) {
-            let camera = lshpi();
-            let body = camera.position_m + camera.ray(col, row) * far;
-            let exact = camera.project_jacobian(&body).unwrap();
-            for axis in 0..3 {
-                let mut step = Vector3::zeros();
-                step[axis] = 1e-6;
-                let (c1, r1) = camera.project(&(body + step)).unwrap();
-                let (c0, r0) = camera.project(&(body - step)).unwrap();
-                prop_assert!(((c1 - c0) / 2e-6 - exact[(0, axis)]).abs() < 1e-6 * exact.norm());
-                prop_assert!(((r1 - r0) / 2e-6 - exact[(1, axis)]).abs() < 1e-6 * exact.norm());
-            }
-        }
-
-        #[test]
         fn a_met_point_lies_in_the_tilted_sheet(col in 0.0..719.0, row in 0.0..575.0, sy in -0.1..0.1, sz in -0.1..0.1) {
             let sheet = Sheet { offset_m: 0.27, slope_y: sy, slope_z: sz };
             let camera = lshpi();
-            let met = camera.meet_sheet(&sheet, col, row).unwrap();
+            let met = sheet.meet(&camera.position_m, &camera.ray(col, row)).unwrap();
             prop_assert!((met.x - (0.27 + sy * met.y + sz * met.z)).abs() < 1e-12);
             prop_assert!(sheet.distance_m(&met).abs() < 1e-12);
             let (c, r) = camera.project(&met).unwrap();
@@ -198,10 +161,6 @@ mod tests {
     fn behind_the_camera_nothing_is_seen() {
         let camera = lshpi();
         assert_eq!(camera.project(&Vector3::new(-1.0, 0.0, -1.0)), None);
-        assert_eq!(
-            camera.project_jacobian(&Vector3::new(-1.0, 0.0, -1.0)),
-            None
-        );
         // A ray that looks aft of straight down runs away from the sheet ahead.
         assert_eq!(
             Sheet {

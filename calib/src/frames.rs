@@ -68,12 +68,6 @@ impl Pose {
         self.position_m() + self.body_to_tank_rotation() * body_m
     }
 
-    /// A tank point \[m\] in the body frame \[m\].
-    pub fn tank_to_body(&self, tank_m: &Vector3<f64>) -> Vector3<f64> {
-        self.body_to_tank_rotation()
-            .tr_mul(&(tank_m - self.position_m()))
-    }
-
     /// Where a level surface `height_m` above the floor meets the laser plane.
     ///
     /// Puts body point (l_laser, −ξ, h_centre − η) at tank height −z = height:
@@ -120,60 +114,6 @@ pub fn body_to_tank_rotation(phi_rad: f64, theta_rad: f64, psi_rad: f64) -> Matr
     )
 }
 
-/// (φ, θ, ψ) \[rad\] of a rotation from body to tank; θ within ±90°. At θ = ±90° roll and
-/// yaw are one angle and all of it is given to yaw.
-pub fn euler_zyx(body_to_tank: &Matrix3<f64>) -> (f64, f64, f64) {
-    let r = body_to_tank;
-    let across = r[(2, 1)].hypot(r[(2, 2)]);
-    let theta_rad = (-r[(2, 0)]).atan2(across);
-    if across > 1e-12 {
-        (
-            r[(2, 1)].atan2(r[(2, 2)]),
-            theta_rad,
-            r[(1, 0)].atan2(r[(0, 0)]),
-        )
-    } else {
-        (0.0, theta_rad, (-r[(0, 1)]).atan2(r[(1, 1)]))
-    }
-}
-
-/// Rates of (φ, θ, ψ) \[rad/s\] from body rates (p, q, r) \[rad/s\] (Fossen 2011, Eq. 2.26).
-/// `None` within 0.06° of θ = ±90°, where Euler angles have no rates.
-pub fn euler_rates(
-    phi_rad: f64,
-    theta_rad: f64,
-    body_rates_radps: &Vector3<f64>,
-) -> Option<Vector3<f64>> {
-    let (sf, cf) = phi_rad.sin_cos();
-    let (st, ct) = theta_rad.sin_cos();
-    if ct.abs() < 1e-3 {
-        return None;
-    }
-    let [p, q, r] = [body_rates_radps.x, body_rates_radps.y, body_rates_radps.z];
-    let across = q * sf + r * cf;
-    Some(Vector3::new(
-        p + across * st / ct,
-        q * cf - r * sf,
-        across / ct,
-    ))
-}
-
-/// Body rates (p, q, r) \[rad/s\] from the rates of (φ, θ, ψ) \[rad/s\].
-pub fn body_rates(phi_rad: f64, theta_rad: f64, euler_rates_radps: &Vector3<f64>) -> Vector3<f64> {
-    let (sf, cf) = phi_rad.sin_cos();
-    let (st, ct) = theta_rad.sin_cos();
-    let [phi_dot, theta_dot, psi_dot] = [
-        euler_rates_radps.x,
-        euler_rates_radps.y,
-        euler_rates_radps.z,
-    ];
-    Vector3::new(
-        phi_dot - psi_dot * st,
-        theta_dot * cf + psi_dot * ct * sf,
-        -theta_dot * sf + psi_dot * ct * cf,
-    )
-}
-
 /// A point in laser-plane coordinates; in the sheet itself ζ = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneCoordinates {
@@ -214,16 +154,6 @@ pub fn camera_to_body_rotation(camera_tilt_rad: f64) -> Matrix3<f64> {
         1.0, 0.0, 0.0, //
         0.0, sin_a, cos_a,
     )
-}
-
-/// Camera point \[m\] in the body frame \[m\].
-pub fn camera_to_body(mounts: &Mounts, camera_m: &Vector3<f64>) -> Vector3<f64> {
-    camera_position_m(mounts) + camera_to_body_rotation(mounts.camera_tilt_rad) * camera_m
-}
-
-/// Body point \[m\] in the camera frame \[m\].
-pub fn body_to_camera(mounts: &Mounts, body_m: &Vector3<f64>) -> Vector3<f64> {
-    camera_to_body_rotation(mounts.camera_tilt_rad).tr_mul(&(body_m - camera_position_m(mounts)))
 }
 
 #[cfg(test)]

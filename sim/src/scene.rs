@@ -21,7 +21,7 @@ mod solid;
 mod speckle;
 mod truth;
 
-pub use board::{BoardLight, BoardNode, BoardPicture, BoardPlacement};
+pub use board::{BoardLight, BoardPicture, BoardPlacement};
 pub use exposure::{Exposure, RowLight};
 pub use frame_poses::FramePoses;
 pub use noise::Noise;

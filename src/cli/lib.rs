@@ -48,6 +48,7 @@ mod progress;
 #[cfg(feature = "lab")]
 mod prove;
 mod record;
+#[cfg(feature = "lab")]
 pub mod reference;
 mod remembered;
 mod replay;

@@ -9,7 +9,6 @@ use hydroline_core::run::Channel::{Psi, X, Y};
 use hydroline_core::run::{COMPANIONS, Channel, Companions, PerChannel, Run, Sample, start_s};
 use hydroline_numerics::statistics::{median, robust_sd};
 
-use super::given::steady;
 use super::smooth::fast_sd;
 
 /// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a vehicle with time
@@ -252,17 +251,6 @@ impl Recording {
                 fast_sd(values.into_iter()).is_some_and(|fast| square.sqrt() > MOVES * fast)
             })
         })
-    }
-
-    /// Whether anything but commands drives these runs: a hull under way, a companion that moves.
-    pub fn is_driven_beside(&self, tolerance: &PerChannel<f64>) -> bool {
-        let moving = self.moving(tolerance);
-        let rests = (0..6).filter(|d| !moving.contains(d));
-        let under_way = |d: usize| {
-            let mut runs = self.runs.iter();
-            runs.any(|r| steady(r, d, tolerance[Channel::RATES[d]]).is_some())
-        };
-        self.companions_moving().contains(&true) || rests.into_iter().any(under_way)
     }
 }
 

@@ -52,11 +52,6 @@ impl FrameLedger {
     pub fn lost_total(&self) -> u64 {
         self.lost.values().sum()
     }
-
-    /// `received + lost = expected`.
-    pub fn balances(&self) -> bool {
-        self.received + self.lost_total() == self.expected
-    }
 }
 
 /// Live counters of a recording.

@@ -146,16 +146,6 @@ pub fn clock_message(clocks: &ClockTriple, controller: Option<ControllerClock>) 
     }
 }
 
-/// The clocks as read back.
-pub fn clock_triple(message: &ClockPair) -> ClockTriple {
-    ClockTriple {
-        monotonic_ns: message.monotonic_ns,
-        realtime_ns: message.realtime_ns,
-        boottime_ns: message.boottime_ns,
-        bracket_ns: message.bracket_ns,
-    }
-}
-
 /// The rig's pinhole as viewers read it. Pixel origin = centre of the top left pixel, as in OpenCV's K.
 pub fn camera_calibration(camera: &hydroline_rigs::Camera, unix_ns: u64) -> CameraCalibration {
     let (fx, fy, cx, cy) = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px);

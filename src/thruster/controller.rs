@@ -12,14 +12,12 @@ mod faults;
 mod loopback;
 mod pty;
 mod serve;
-mod standalone;
 
 pub use config::ControllerConfig;
 pub use faults::Faults;
 pub use loopback::Loopback;
 pub use pty::{PtyController, PtyError};
 pub use serve::{ServeEnd, serve};
-pub use standalone::{ServeAt, StandaloneError, run_standalone};
 
 use super::ChannelPulse;
 use super::transport::{LineModel, Wire};

@@ -121,16 +121,6 @@ pub enum PlanState {
     Refused(String),
 }
 
-impl PlanState {
-    /// Whether the plan is over, one way or another; false also for [`PlanState::None`].
-    pub fn is_final(&self) -> bool {
-        matches!(
-            self,
-            PlanState::Completed | PlanState::Aborted(_) | PlanState::Refused(_)
-        )
-    }
-}
-
 /// Orders to the thread.
 pub enum Order {
     /// Take set-points.

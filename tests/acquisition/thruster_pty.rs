@@ -6,8 +6,7 @@
 use hydroline::clock::{Clock, SystemClock};
 use hydroline::event::Event;
 use hydroline::thruster::controller::{
-    ControllerConfig, ControllerEvent, OutputCause, PtyController, ServeAt, ServeEnd,
-    SimController, run_standalone, serve,
+    ControllerConfig, ControllerEvent, OutputCause, PtyController, ServeEnd, SimController, serve,
 };
 use hydroline::thruster::ports::Roots;
 use hydroline::thruster::record::{CommandRecord, EchoRecord, LinkRecord};
@@ -500,48 +499,4 @@ fn a_port_that_is_not_there_says_what_to_do() {
             .to_string()
             .contains("usb-Nobody_Nothing-if00")
     );
-}
-
-#[test]
-fn standalone_it_comes_back_after_every_lost_connection() {
-    let dir = tempfile::tempdir().unwrap();
-    for listen in [true, false] {
-        let path = dir.path().join(format!("socket-{listen}"));
-        let (stop, ready) = (
-            Arc::new(AtomicBool::new(false)),
-            Arc::new(AtomicBool::new(false)),
-        );
-        let at = if listen {
-            ServeAt::Listen(path.clone())
-        } else {
-            ServeAt::Connect(path.clone())
-        };
-        let (stopped, reported) = (stop.clone(), ready.clone());
-        let thread = std::thread::spawn(move || {
-            let config = ControllerConfig::bench(LinkKind::Maestro);
-            run_standalone(
-                config,
-                &at,
-                &stopped,
-                &mut |_| reported.store(true, Ordering::Relaxed),
-                Box::new(|_| {}),
-            )
-        });
-        let server = (!listen).then(|| std::os::unix::net::UnixListener::bind(&path).unwrap());
-        until("ready", || ready.load(Ordering::Relaxed));
-        for _ in 0..2 {
-            let mut line = match &server {
-                Some(server) => server.accept().unwrap().0,
-                None => UnixStream::connect(&path).unwrap(),
-            };
-            line.set_read_timeout(Some(Duration::from_secs(10)))
-                .unwrap();
-            line.write_all(&[0x90, 2]).unwrap();
-            let mut answer = [0; 2];
-            line.read_exact(&mut answer).unwrap();
-            assert_eq!(u16::from_le_bytes(answer), 6000);
-        }
-        stop.store(true, Ordering::Relaxed);
-        thread.join().unwrap().unwrap();
-    }
 }

@@ -1,11 +1,22 @@
 use super::*;
 use crate::camera::{Pinhole, Sheet};
 use crate::frames::body_to_plane;
+use hydroline_rigs::Mounts;
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 fn lshpi() -> Rig {
     Rig::builtin("lshpi").unwrap()
+}
+
+/// Where a pixel's ray meets the sheet, body frame \[m\].
+fn meet_sheet(
+    camera: &Pinhole,
+    mounts: &Mounts,
+    [column_px, row_px]: [f64; 2],
+) -> Option<Vector3<f64>> {
+    Sheet::of(mounts).meet(&camera.position_m, &camera.ray(column_px, row_px))
 }
 
 /// A rig with its camera somewhere else.
@@ -30,7 +41,7 @@ proptest! {
         let rig = moved(tilt, l_camera, h_camera, ratio);
         let camera = Pinhole::new(&rig.camera, &rig.mounts);
         let ours = IdealMap::of(&rig).unlimited(col, row);
-        let met = camera.meet_sheet(&Sheet::of(&rig.mounts), col, row);
+        let met = meet_sheet(&camera, &rig.mounts, [col, row]);
         match (ours, met) {
             (Some((xi, eta)), Some(body)) => {
                 let want = body_to_plane(&rig.mounts, &body);
@@ -49,9 +60,7 @@ proptest! {
     fn equations_agree_on_the_papers_rig(col in -0.5..719.5, row in -0.5..575.5) {
         let rig = lshpi();
         let (xi, eta) = IdealMap::of(&rig).unlimited(col, row).unwrap();
-        let body = Pinhole::new(&rig.camera, &rig.mounts)
-            .meet_sheet(&Sheet::of(&rig.mounts), col, row)
-            .unwrap();
+        let body = meet_sheet(&Pinhole::new(&rig.camera, &rig.mounts), &rig.mounts, [col, row]).unwrap();
         let want = body_to_plane(&rig.mounts, &body);
         prop_assert!((xi - want.xi_m).abs() < 1e-12 && (eta - want.eta_m).abs() < 1e-12);
     }
@@ -178,9 +187,12 @@ fn a_camera_ahead_of_the_sheet_works_too() {
     let rig = moved(-45.0, -0.73, 0.22, 1.0);
     let map = IdealMap::of(&rig);
     let (xi, eta) = map.unlimited(400.0, 200.0).unwrap();
-    let body = Pinhole::new(&rig.camera, &rig.mounts)
-        .meet_sheet(&Sheet::of(&rig.mounts), 400.0, 200.0)
-        .unwrap();
+    let body = meet_sheet(
+        &Pinhole::new(&rig.camera, &rig.mounts),
+        &rig.mounts,
+        [400.0, 200.0],
+    )
+    .unwrap();
     let want = body_to_plane(&rig.mounts, &body);
     assert!(
         (xi - want.xi_m).abs() < 1e-12 && (eta - want.eta_m).abs() < 1e-12,

@@ -62,54 +62,6 @@ impl Lens {
         )
     }
 
-    /// Pixel of a body point; `None` behind the pinhole or its port.
-    pub fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
-        let d = point - self.eye;
-        let (x, y, z) = (d.dot(&self.right), d.dot(&self.down), d.dot(&self.axis));
-        let ahead = if self.n_water == 1.0 {
-            0.0
-        } else {
-            self.port_m
-        };
-        if z <= ahead || z.is_nan() {
-            return None;
-        }
-        let (x, y) = if self.n_water == 1.0 {
-            (x / z, y / z)
-        } else {
-            let radius = x.hypot(y);
-            let tan = self.tangent(radius, z)?;
-            let share = if radius > 0.0 { tan / radius } else { 0.0 };
-            (x * share, y * share)
-        };
-        let [x, y] = self.distorted([x, y]);
-        Some([
-            self.centre_px[0] + self.focal_px[0] * x,
-            self.centre_px[1] + self.focal_px[1] * y,
-        ])
-    }
-
-    /// Tangent in air of the ray that reaches `radius` at depth `z`, by bisection on the sine in air.
-    fn tangent(&self, radius: f64, z: f64) -> Option<f64> {
-        let tan = |s: f64| s / (1.0 - s * s).sqrt();
-        let reach = |s: f64| self.port_m * tan(s) + (z - self.port_m) * tan(s / self.n_water);
-        let (mut low, mut high) = (0.0f64, 1.0 - 1e-12);
-        if reach(high) < radius {
-            return None;
-        }
-        loop {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high {
-                return Some(tan(middle));
-            }
-            if reach(middle) < radius {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-    }
-
     /// Brown 1971 on normalised coordinates, x right, y down.
     fn distorted(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [k1, k2, p1, p2] = self.distortion;
@@ -158,6 +110,56 @@ mod tests {
     use super::*;
     use crate::fixture::lshpi_rig;
     use proptest::prelude::*;
+
+    impl Lens {
+        /// Pixel of a body point; `None` behind the pinhole or its port.
+        pub(in crate::scene) fn project(&self, point: &Vector3<f64>) -> Option<[f64; 2]> {
+            let d = point - self.eye;
+            let (x, y, z) = (d.dot(&self.right), d.dot(&self.down), d.dot(&self.axis));
+            let ahead = if self.n_water == 1.0 {
+                0.0
+            } else {
+                self.port_m
+            };
+            if z <= ahead || z.is_nan() {
+                return None;
+            }
+            let (x, y) = if self.n_water == 1.0 {
+                (x / z, y / z)
+            } else {
+                let radius = x.hypot(y);
+                let tan = self.tangent(radius, z)?;
+                let share = if radius > 0.0 { tan / radius } else { 0.0 };
+                (x * share, y * share)
+            };
+            let [x, y] = self.distorted([x, y]);
+            Some([
+                self.centre_px[0] + self.focal_px[0] * x,
+                self.centre_px[1] + self.focal_px[1] * y,
+            ])
+        }
+
+        /// Tangent in air of the ray that reaches `radius` at depth `z`, by bisection on the sine in air.
+        fn tangent(&self, radius: f64, z: f64) -> Option<f64> {
+            let tan = |s: f64| s / (1.0 - s * s).sqrt();
+            let reach = |s: f64| self.port_m * tan(s) + (z - self.port_m) * tan(s / self.n_water);
+            let (mut low, mut high) = (0.0f64, 1.0 - 1e-12);
+            if reach(high) < radius {
+                return None;
+            }
+            loop {
+                let middle = 0.5 * (low + high);
+                if middle <= low || middle >= high {
+                    return Some(tan(middle));
+                }
+                if reach(middle) < radius {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+        }
+    }
 
     proptest! {
         /// The ray of a pixel and the pixel of a point are found in different ways; they must agree.

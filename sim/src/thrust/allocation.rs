@@ -1,7 +1,7 @@
 //! Wrench to thrusters by the minimum-norm pseudo-inverse (Fossen 2011, 12.3.2), and back.
 
 use super::ThrustError;
-use hydroline_rigs::{Dof, ThrustCurve, ThrusterSet, Wrench};
+use hydroline_rigs::{Dof, ThrusterSet, Wrench};
 use nalgebra::{DMatrix, DVector};
 
 /// A load above this share of the asked wrench that stays unmade counts as "not spanned".
@@ -170,30 +170,6 @@ impl Allocation {
             .iter()
             .zip(pulses_us)
             .map(|(t, &p)| t.curve.thrust_n(cut(p)))
-            .collect())
-    }
-
-    /// Pulses \[us\] for given thrusts \[N\], within the rig's pulse range.
-    ///
-    /// # Errors
-    /// [`ThrustError::Count`], [`ThrustError::NotFinite`].
-    pub fn pulses_of_thrusts(&self, thrust_n: &[f64]) -> Result<Vec<f64>, ThrustError> {
-        self.count(thrust_n)?;
-        let set = &self.set;
-        // Beyond the curve the end's pulse; the rig's range holds in any case.
-        let pulse = |curve: &ThrustCurve, x: f64| {
-            let ends = |p: Option<&(f64, f64)>| p.map_or(0.0, |p| p.1);
-            let reached = x.clamp(ends(curve.points.first()), ends(curve.points.last()));
-            let pulse_us = curve.pulse_us(reached, set.neutral_us);
-            pulse_us
-                .unwrap_or(set.neutral_us)
-                .clamp(set.min_us, set.max_us)
-        };
-        Ok(set
-            .thrusters
-            .iter()
-            .zip(thrust_n)
-            .map(|(t, &x)| pulse(&t.curve, x))
             .collect())
     }
 

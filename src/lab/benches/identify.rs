@@ -1,6 +1,6 @@
 //! lm, cmaes and ga side by side on the same objective, one thread each: must show 3 and 7.
 //!
-//! `cargo bench -p hydroline-identify --bench identify` prints a table and ends with 1 where a figure that is asked is missed. GA_REPEATS=1
+//! `cargo bench -p hydroline-lab --bench identify` prints a table and ends with 1 where a figure that is asked is missed. GA_REPEATS=1
 //! shortens it: repetitions are independent and equally long, so ten take ten times that, by which times are compared.
 //! The best of fewer than ten is not the objective that is asked to be reached: such a run ends with 1 too.
 

@@ -64,11 +64,6 @@ impl Disturbance {
         }
     }
 
-    /// sd of one sample \[m\].
-    pub fn total_m(&self) -> f64 {
-        self.white_m.hypot(self.slow_m).hypot(self.place_m)
-    }
-
     /// Noise along a run, without outliers \[m\].
     pub fn along(&self, times_s: &[f64], x_m: &[f64], rng: &mut StdRng) -> Vec<f64> {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };
@@ -129,7 +124,7 @@ mod tests {
         let x: Vec<f64> = times.iter().map(|t| 0.05 * t).collect();
         let n = d.along(&times, &x, &mut rng);
         let var = n.iter().map(|v| v * v).sum::<f64>() / n.len() as f64;
-        assert!((var.sqrt() / d.total_m() - 1.0).abs() < 0.05);
+        assert!((var.sqrt() / d.white_m.hypot(d.slow_m).hypot(d.place_m) - 1.0).abs() < 0.05);
         let lag = 12;
         let c = n.windows(lag + 1).map(|w| w[0] * w[lag]).sum::<f64>() / n.len() as f64;
         let expected = 4e-8 * (-0.04 * lag as f64 / 0.5f64).exp();

@@ -228,3 +228,75 @@ fn uneven_light_noise_and_bad_boards() {
     let lines = board(BoardPattern::Lines { line_m: 0.002 });
     assert!(r.render_board(&lines, &place, &ROOM, 0).is_ok());
 }
+
+impl Renderer {
+    /// One frame of a board; everything else in view is dark (ambient and noise only).
+    pub(in crate::scene) fn render_board(
+        &self,
+        board: &Board,
+        placement: &BoardPlacement,
+        light: &BoardLight,
+        frame_index: u64,
+    ) -> Result<GreyPixels, SceneError> {
+        let picture = self.board_picture(board, placement, light)?;
+        Ok(self.develop_board(&picture, frame_index))
+    }
+
+    /// Where every node of the board lies, in the image (whether inside or not; NaN behind the camera's port)
+    /// and in the laser plane.
+    ///
+    /// # Errors
+    /// [`SceneError::Board`] for a board without extent.
+    fn board_nodes(
+        &self,
+        board: &Board,
+        placement: &BoardPlacement,
+    ) -> Result<Vec<BoardNode>, SceneError> {
+        check(board)?;
+        let (to_plane, centre) = frame(placement);
+        let (eye, axes) = self.camera_axes();
+        let pixel = axes.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let lens = (!Lens::is_pinhole(&self.optics)).then(|| Lens::new(&self.optics));
+        let mut nodes = Vec::with_capacity((board.columns * board.rows) as usize);
+        for row in 0..board.rows {
+            for column in 0..board.columns {
+                let local = Vector3::new(
+                    (f64::from(column) - f64::from(board.columns - 1) / 2.0) * board.pitch_m,
+                    (f64::from(row) - f64::from(board.rows - 1) / 2.0) * board.pitch_m,
+                    0.0,
+                );
+                let plane = centre + to_plane * local;
+                let body = self.body_of_plane(plane);
+                // Direction = b u + c v + a w; its pixel is (u, v) / w.
+                let d = pixel * (body - eye);
+                let [column_px, row_px] = match &lens {
+                    None => [d.x / d.z, d.y / d.z],
+                    Some(lens) => lens.project(&body).unwrap_or([f64::NAN; 2]),
+                };
+                nodes.push(BoardNode {
+                    column,
+                    row,
+                    column_px,
+                    row_px,
+                    plane_m: plane.into(),
+                });
+            }
+        }
+        Ok(nodes)
+    }
+}
+
+/// Where a node of the board really is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct BoardNode {
+    /// Index along +xi, 0 = lowest xi (starboard).
+    pub column: u32,
+    /// Index along +eta, 0 = lowest.
+    pub row: u32,
+    /// Image column \[px\].
+    pub column_px: f64,
+    /// Image row \[px\].
+    pub row_px: f64,
+    /// xi, eta, zeta of the node itself \[m\]; zeta is 0 only for a board in the sheet.
+    pub plane_m: [f64; 3],
+}

@@ -1,5 +1,6 @@
 use super::*;
 use crate::fixture::lshpi_rig;
+use hydroline_rigs::ThrustCurve;
 use proptest::prelude::*;
 
 proptest! {
@@ -93,4 +94,30 @@ fn pulses_go_to_thrusts_and_back() {
         a.thrusts_of_pulses(&[f64::NAN; 8]),
         Err(ThrustError::NotFinite { .. })
     ));
+}
+
+impl Allocation {
+    /// Pulses \[us\] for given thrusts \[N\], within the rig's pulse range.
+    ///
+    /// # Errors
+    /// [`ThrustError::Count`], [`ThrustError::NotFinite`].
+    pub(crate) fn pulses_of_thrusts(&self, thrust_n: &[f64]) -> Result<Vec<f64>, ThrustError> {
+        self.count(thrust_n)?;
+        let set = &self.set;
+        // Beyond the curve the end's pulse; the rig's range holds in any case.
+        let pulse = |curve: &ThrustCurve, x: f64| {
+            let ends = |p: Option<&(f64, f64)>| p.map_or(0.0, |p| p.1);
+            let reached = x.clamp(ends(curve.points.first()), ends(curve.points.last()));
+            let pulse_us = curve.pulse_us(reached, set.neutral_us);
+            pulse_us
+                .unwrap_or(set.neutral_us)
+                .clamp(set.min_us, set.max_us)
+        };
+        Ok(set
+            .thrusters
+            .iter()
+            .zip(thrust_n)
+            .map(|(t, &x)| pulse(&t.curve, x))
+            .collect())
+    }
 }
