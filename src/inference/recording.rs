@@ -354,7 +354,7 @@ impl Recorded {
 #[cfg(test)]
 mod tests {
     use super::{Recording, averaged};
-    use hydroline_core::run::{Run, Sample};
+    use hydroline_core::run::{Channel, PerChannel, Run, Sample};
     use proptest::prelude::*;
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, StandardNormal};
@@ -410,17 +410,22 @@ mod tests {
         // Two instruments row by row: each keeps its own.
         let mut both = doppler(0.0, 400.0, 1);
         for (k, s) in both.samples.iter_mut().enumerate() {
-            s.values[if k % 2 == 0 { 6 } else { 8 }] = f64::NAN;
+            s.values[if k % 2 == 0 { Channel::U } else { Channel::W }] = f64::NAN;
         }
         let made = Recording::new(&[both], 0.0);
-        let seen = |c: usize| {
+        let seen = |c: Channel| {
             made.runs[0]
                 .values
                 .iter()
                 .filter(|v| v[c].is_finite())
                 .count()
         };
-        assert!(seen(6) > 3000 && seen(8) > 3000, "{} {}", seen(6), seen(8));
+        assert!(
+            seen(Channel::U) > 3000 && seen(Channel::W) > 3000,
+            "{} {}",
+            seen(Channel::U),
+            seen(Channel::W)
+        );
     }
 
     proptest! {

@@ -136,7 +136,7 @@ fn powers(unit: &str) -> Option<(i32, i32)> {
 
 #[cfg(test)]
 mod tests {
-    use hydroline_core::run::{Run, Sample};
+    use hydroline_core::run::{PerChannel, Run, Sample};
     use hydroline_rigs::Rig;
     use hydroline_sim::effect::ALL;
 

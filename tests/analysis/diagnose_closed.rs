@@ -4,6 +4,7 @@
 use crate::diagnose_motion::{clean, simulated};
 use hydroline::diagnose::verdict::Word;
 use hydroline::diagnose::{Source, diagnose};
+use hydroline::run::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 
 /// Something at one place of the tank: 1.2 N exp(-((x - 0.3) / 0.1)^2 / 2).

@@ -193,7 +193,7 @@ fn free_motion(
     vehicle: &Vehicle,
     dof: Dof,
     (place, rate): (f64, f64),
-    kept: &[(usize, f64)],
+    kept: &[(Channel, f64)],
     length_s: f64,
 ) -> Run {
     let model = Model {
@@ -255,7 +255,7 @@ fn a_coast_down_seen_by_velocity_only_starts_at_any_speed() {
     let rig = decoupled();
     let mut truth = other_vehicle(&rig, 3);
     truth.coefficients[0].added = rig.vehicle.coefficients[0].added;
-    let run = free_motion(&truth, Dof::Surge, (0.0, 0.6), &[(6, 1e-3)], 20.0);
+    let run = free_motion(&truth, Dof::Surge, (0.0, 0.6), &[(Channel::U, 1e-3)], 20.0);
     let found = identify(&[run], &rig, &fixed(&["x_udot"])).unwrap();
     assert_eq!(found.model, "surge");
     assert_sound(&found, &truth);
@@ -268,7 +268,7 @@ fn a_coast_down_seen_by_velocity_only_starts_at_any_speed() {
 fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
     let rig = decoupled();
     let truth = other_vehicle(&rig, 4);
-    let run = free_motion(&truth, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 30.0);
+    let run = free_motion(&truth, Dof::Roll, (0.3, 0.0), &[(Channel::P, 1e-3)], 30.0);
     let found = identify(std::slice::from_ref(&run), &rig, &Options::default()).unwrap();
     assert_eq!(found.model, "roll");
     assert_sound(&found, &truth);
@@ -285,7 +285,13 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
 #[test]
 fn a_start_on_its_bound_is_reported() {
     let rig = decoupled();
-    let mut run = free_motion(&rig.vehicle, Dof::Roll, (0.3, 0.0), &[(9, 1e-3)], 1.2);
+    let mut run = free_motion(
+        &rig.vehicle,
+        Dof::Roll,
+        (0.3, 0.0),
+        &[(Channel::P, 1e-3)],
+        1.2,
+    );
     // The first quarter of a swing, ten times what a heel of 0.3 rad makes: no sine is 3.
     for sample in &mut run.samples {
         sample.values[Channel::P] *= 10.0;
@@ -317,7 +323,7 @@ fn a_free_decay_holds_the_mass_alone_and_names_the_scale() {
         &truth,
         Dof::Surge,
         (0.0, 0.6),
-        &[(0, 1e-4), (6, 1e-3)],
+        &[(Channel::X, 1e-4), (Channel::U, 1e-3)],
         20.0,
     );
     let found = identify(&[run], &rig, &Options::default()).unwrap();

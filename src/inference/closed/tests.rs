@@ -3,6 +3,7 @@ use crate::fit::Effort;
 use crate::hyper::{Cell, Cells};
 use crate::prior::PriorTable;
 use crate::testing::{Tank, entry};
+use hydroline_core::run::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::form::FORMS;
@@ -138,7 +139,12 @@ fn a_bump_is_written_down_and_three_are_not() {
     assert!(bump.stands && bump.none < 0.01, "{}", bump.none);
     assert_eq!(names(&found, &bump.forms[0]), ["bump", "none"]);
     let (form, table) = bump.left_out.unwrap();
-    assert!(form[0] < table[0], "{} {}", form[0], table[0]);
+    assert!(
+        form[Channel::X] < table[Channel::X],
+        "{} {}",
+        form[Channel::X],
+        table[Channel::X]
+    );
     let (_, three) = of(11);
     assert!(!three.stands && three.none > 0.9, "{}", three.none);
 }
@@ -162,7 +168,7 @@ fn of_drawn_forces() {
             begun.elapsed().as_secs_f64(),
             one.none,
             one.stands,
-            one.left_out.map(|l| (l.0[0], l.1[0])),
+            one.left_out.map(|l| (l.0[Channel::X], l.1[Channel::X])),
         );
         let body = &found.problem.body;
         for f in &one.forms {

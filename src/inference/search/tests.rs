@@ -5,6 +5,7 @@ use crate::posterior::Posterior;
 use crate::prior::PriorTable;
 use crate::recording::Recording;
 use crate::testing::{Tank, entry};
+use hydroline_core::run::PerChannel;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use std::time::Instant;
 
