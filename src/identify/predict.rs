@@ -404,7 +404,7 @@ mod tests {
         };
         let p = predict(&rig, &plan, Some(&known), 10.0, 0.0).unwrap();
         assert!(
-            (p.motion.last().unwrap()[0] - (rig.tank.start_pose[0] + 1.0)).abs() < 0.02,
+            (p.motion.last().unwrap()[Channel::X] - (rig.tank.start_pose[0] + 1.0)).abs() < 0.02,
             "1 m at 8 N in 10.42 s"
         );
         // Finite differences along the three square-root directions of the covariance.
@@ -420,13 +420,13 @@ mod tests {
                 .unwrap()
                 .motion
                 .last()
-                .unwrap()[0]
+                .unwrap()[Channel::X]
         };
         let by_hand = (0..3)
             .map(|j| ((end(Some(j)) - end(None)) / 0.01).powi(2))
             .sum::<f64>()
             .sqrt();
-        let band = p.sd.last().unwrap()[0];
+        let band = p.sd.last().unwrap()[Channel::X];
         assert!(
             band > 1e-5 && (band / by_hand - 1.0).abs() < 0.01,
             "{band} {by_hand}"

@@ -468,7 +468,10 @@ mod tests {
         ];
         let run = load_messages("a", &[], &samples, &rig).unwrap();
         assert_eq!(
-            run.samples.iter().map(|s| s.values[0]).collect::<Vec<_>>(),
+            run.samples
+                .iter()
+                .map(|s| s.values[Channel::X])
+                .collect::<Vec<_>>(),
             [0.0, 1.0]
         );
         assert_eq!(run.notes.len(), 3, "{:?}", run.notes);

@@ -223,7 +223,7 @@ mod tests {
         let mut rng = StdRng::seed_from_u64(5);
         let sample = |k: usize| {
             let noise: f64 = StandardNormal.sample(&mut rng);
-            let mut values = PerChannel::NAN;
+            let mut values = hydroline_core::run::PerChannel::NAN;
             values[channel] = rate(0.04 * k as f64) + 1e-3 * noise;
             Sample {
                 t_s: 0.04 * k as f64,
@@ -255,7 +255,7 @@ mod tests {
         );
         let mut nothing = rate_only(|_| 0.0, Channel::R);
         for sample in &mut nothing.samples {
-            sample.values = PerChannel::NAN;
+            sample.values = hydroline_core::run::PerChannel::NAN;
         }
         assert!(!is_still(&nothing, TOLERANCE), "nothing measured");
     }

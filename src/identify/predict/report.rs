@@ -260,7 +260,13 @@ mod tests {
 
         let samples = made.t_s.iter().zip(&made.motion).map(|(t_s, row)| Sample {
             t_s: *t_s,
-            values: std::array::from_fn(|c| if c < 2 { row[c] + 0.002 } else { f64::NAN }),
+            values: PerChannel::from_fn(|c| {
+                if c < Channel::Z {
+                    row[c] + 0.002
+                } else {
+                    f64::NAN
+                }
+            }),
             covariance: None,
         });
         let commands = made.commands.iter().map(|(t_s, wrench)| Command {

@@ -324,10 +324,10 @@ mod tests {
             values: PerChannel::splat(0.0),
             covariance: Some(Box::new(covariance)),
         };
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[0], 5.0);
-        assert_eq!(sd(&sample, None)[0], 4.0);
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[6], 3.0);
-        assert!(sd(&sample, None)[6].is_nan());
+        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[Channel::X], 5.0);
+        assert_eq!(sd(&sample, None)[Channel::X], 4.0);
+        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[Channel::U], 3.0);
+        assert!(sd(&sample, None)[Channel::U].is_nan());
     }
 
     #[test]
