@@ -60,7 +60,7 @@ pub(super) type Damage = fn(u64) -> String;
 pub(super) const NO_RECORD: Damage = |at| format!("at byte {at} begins no record");
 
 /// Goes through a file record by record. `take` looks at what stands ahead and says how many bytes it was; where no record
-/// begins, the next byte is tried, and each such place is noted once. `take` is told whether the bytes before were none.
+/// begins, the next byte is tried, and each such place is noted once. Its last argument: whether the byte before began none.
 pub(super) fn each_record(
     path: &Path,
     mut take: impl FnMut(
