@@ -142,10 +142,10 @@ impl<T: Copy> PerChannel<T> {
 }
 
 impl PerChannel<f64> {
-    /// Nothing measured.
+    /// NaN in every channel: no measurement.
     pub const NAN: PerChannel<f64> = PerChannel([f64::NAN; 12]);
 
-    /// What is a number, by name, as it is printed.
+    /// Finite values by the channel's name in logs, as `--json` prints them; NaN is left out.
     pub fn by_name(&self) -> BTreeMap<String, f64> {
         let finite = self.each().filter(|(_, v)| v.is_finite());
         finite.map(|(c, v)| (c.name().to_owned(), *v)).collect()

@@ -21,7 +21,7 @@ pub struct SourceDescription {
     pub identity: String,
     /// The node it resolved to, e.g. `/dev/video0`.
     pub node: String,
-    /// What was negotiated.
+    /// Size and pixel format that the driver accepted.
     pub format: NegotiatedFormat,
     /// Frame rate as read back \[1/s\]; 0 = the driver does not state it.
     pub rate_fps: f64,

@@ -57,7 +57,7 @@ const BATCH_SHOWN: usize = 8;
 /// Messages held at most, however few frames are among them: a flood of small ones must not fill the memory.
 const PENDING_MAX: usize = 1 << 14;
 
-/// How to replay.
+/// Options of a replay. The default extracts stripes and computes no poses.
 #[derive(Clone, Default)]
 pub struct Options {
     /// Copies the images too, so that the new log can be viewed and replayed on its own.

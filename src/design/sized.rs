@@ -12,8 +12,8 @@ use hydroline_sim::Allocation;
 const THERE_S: f64 = 3.0;
 /// Shares of what the thrusters give that are tried, each this times the one before: a design changes sizes by more.
 const FINER: f64 = 0.8;
-/// Least one: a thousandth of a thruster's force is lost in its deadband.
-const LEAST: f64 = 1e-3;
+/// Smallest share that is tried: a thousandth of a thruster's force is lost in its deadband.
+const SMALLEST_SHARE: f64 = 1e-3;
 /// Halvings by which the load is found at which a thruster saturates: to the last bit, which costs nothing here.
 const HALVINGS: usize = 60;
 
@@ -138,10 +138,10 @@ pub fn reach(admission: &Admission, allocation: &Allocation, asked: &[Dof]) -> R
         for load in [most, -most] {
             let plan = there_and_back(d, load);
             let mut share: f64 = 1.0;
-            while share > LEAST && !admission.admits(&scaled(&plan, share)) {
+            while share > SMALLEST_SHARE && !admission.admits(&scaled(&plan, share)) {
                 share *= FINER;
             }
-            if share > LEAST {
+            if share > SMALLEST_SHARE {
                 reach[d] = reach[d].max(most * share);
             }
         }

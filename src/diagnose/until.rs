@@ -61,11 +61,11 @@ pub enum Step {
 /// A plan to run, with its reason.
 #[derive(Debug, Clone)]
 pub struct Proposal {
-    /// Best first.
+    /// Plans on offer, by expected information, largest first.
     pub offers: Vec<Offer>,
     /// Why.
     pub reason: String,
-    /// What the runs so far say.
+    /// Verdict on the runs so far; `None` before the first.
     pub diagnosis: Option<Diagnosis>,
 }
 

@@ -19,7 +19,7 @@ use super::parameter::Free;
 use super::problem::{Objective, Problem};
 use super::uncertainty::covariance;
 
-/// One reading.
+/// Reading of a bollard pull: what the scale shows at one pulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull {
     /// Pulse \[us\].
@@ -69,9 +69,9 @@ pub enum BollardError {
         "{ahead} readings ahead and {astern} astern of {neutral_us} us; at least 4 on each side are needed, spread over the range"
     )]
     TooFew {
-        /// Ahead.
+        /// Readings with thrust ahead.
         ahead: usize,
-        /// Astern.
+        /// Readings with thrust astern.
         astern: usize,
         /// Neutral \[us\].
         neutral_us: f64,
@@ -82,9 +82,9 @@ pub enum BollardError {
         from.1, from.0, to.1, to.0
     )]
     Falls {
-        /// (pulse \[us\], thrust \[N\]) before.
+        /// Last point before the fall: (pulse \[us\], thrust \[N\]).
         from: (f64, f64),
-        /// After.
+        /// First point after it: (pulse \[us\], thrust \[N\]).
         to: (f64, f64),
     },
     /// The fit.

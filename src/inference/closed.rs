@@ -27,9 +27,9 @@ use grammar::Along;
 use place::Draft;
 use rank::ranked;
 
-/// Probability from which forms stand in a table's place: then one is the better bet, for what is held against it is no less an
-/// assumption. None is called the law for that.
-const STANDS: f64 = 0.5;
+/// Probability of all forms together from which they replace the table: the table is no less an assumption. None is called
+/// the law for that.
+const REPLACEMENT_PROBABILITY: f64 = 0.5;
 /// Odds within which forms are reported beside the likeliest.
 const ODDS: f64 = 20.0;
 /// Share of a DOF's unnamed force from which a covariate's table is written down.
@@ -53,7 +53,7 @@ pub struct Form {
     pub probability: f64,
 }
 
-/// What a table was written down as.
+/// Closed forms found for a table of an effect.
 #[derive(Debug, Clone)]
 pub struct Closed {
     /// The table's candidate.
@@ -62,8 +62,8 @@ pub struct Closed {
     pub forms: Vec<Form>,
     /// Probability that it has no form of the grammar.
     pub none: f64,
-    /// Its forms stand in its place: together they are likely, and predict runs from the others as well as the table does.
-    pub stands: bool,
+    /// Whether the forms replace the table: together they are likely, and predict each run from the others as well as it does.
+    pub replaces_table: bool,
     /// Each run as the others predict it: (the likeliest form, the table); `None` where that was not asked.
     pub one_run_out: Option<(Rms, Rms)>,
 }
@@ -88,7 +88,7 @@ pub fn closed(
             found.problem.body.candidates[table].name()
         ));
         if let Some(one) = one(&mut found, info, table, &fit) {
-            if one.stands {
+            if one.replaces_table {
                 let forms = one.forms.iter().map(|f| &f.fit);
                 let fits = forms.map(|f| (f.terms.clone(), f.clone()));
                 found.models.extend(fits);
@@ -96,7 +96,7 @@ pub fn closed(
             made.push(one);
         }
     }
-    if made.iter().any(|m| m.stands) {
+    if made.iter().any(|m| m.replaces_table) {
         let options = Options {
             cost: options.cost / GOES_ON,
             ..options
@@ -227,15 +227,15 @@ fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, F
     let mut made = Closed {
         table,
         none,
-        stands: 1.0 - none >= STANDS && !forms.is_empty(),
+        replaces_table: 1.0 - none >= REPLACEMENT_PROBABILITY && !forms.is_empty(),
         forms,
         one_run_out: None,
     };
     // With one run alone there is none to leave out.
-    if made.stands && problem.body.recording.runs.len() > 1 {
+    if made.replaces_table && problem.body.recording.runs.len() > 1 {
         let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?.values));
         made.one_run_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
-        made.stands = made
+        made.replaces_table = made
             .one_run_out
             .is_some_and(|(form, table)| !problem.is_worse(&form, &table));
     }

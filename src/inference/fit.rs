@@ -23,14 +23,14 @@ use hydroline_core::run::{Channel, PerChannel, Run};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 
-/// What fits share.
+/// Body, noise and priors that all fits of one search share.
 #[derive(Debug)]
 pub struct Problem {
-    /// The body.
+    /// Rig and recorded runs, prepared for the likelihood.
     pub body: Body,
     /// Noise, one for all models.
     pub noises: Noises,
-    /// What random forces are worth.
+    /// Acceleration per DOF whose response is as large as the tolerance.
     pub worth: Worth,
 }
 

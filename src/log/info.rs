@@ -61,9 +61,9 @@ pub struct Info {
     pub ending: Ending,
     /// Messages read.
     pub messages: u64,
-    /// Chunks.
+    /// Number of chunks.
     pub chunks: u64,
-    /// Attachments.
+    /// Number of attachments.
     pub attachments: u64,
     /// Chunks by compression ("" = none).
     pub compression: BTreeMap<String, u64>,

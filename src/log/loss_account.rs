@@ -88,7 +88,7 @@ impl Counts {
     }
 }
 
-/// What the caller knows at the end.
+/// Account of the recording that the log cannot count itself, given when it ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SummaryInput {
     /// Why the recording ended, e.g. `plan done`, `ctrl-c`, `SIGTERM`, `limit x`.

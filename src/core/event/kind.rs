@@ -30,7 +30,7 @@ pub struct EventValue {
     pub name: &'static str,
     /// Unit; "" = a count or a pure number.
     pub unit: &'static str,
-    /// What it is.
+    /// Meaning, as the reference prints it.
     pub meaning: &'static str,
 }
 

@@ -20,8 +20,8 @@ use crate::verdict::{Unexplained, Word};
 const DECIDED: f64 = 0.9;
 /// Share of the likeliest explanation's probability from which another is listed beside it.
 pub const LISTED: f64 = 0.05;
-/// Models less likely than this are not weighed.
-const LEAST: f64 = 0.003;
+/// Posterior probability below which a model adds nothing to a weight.
+const SMALLEST_PROBABILITY: f64 = 0.003;
 /// Explanations listed at most.
 const SETS: usize = 6;
 /// Largest share by which a weight is taken to be larger than it is.
@@ -90,7 +90,11 @@ impl<'a> Judged<'a> {
         let alone = found.models.get(&Vec::new())?;
         let problem = &found.problem;
         let mut weights = BTreeMap::new();
-        for (terms, _) in posterior.models.iter().filter(|m| m.1 >= LEAST) {
+        for (terms, _) in posterior
+            .models
+            .iter()
+            .filter(|m| m.1 >= SMALLEST_PROBABILITY)
+        {
             let fit = found.models.get(terms)?;
             weights.insert(terms.clone(), problem.weights(fit));
         }

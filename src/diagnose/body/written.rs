@@ -148,7 +148,7 @@ impl Judged<'_> {
         let dof = self.found.problem.body.candidates[table].unnamed_in()?;
         // Where forms stand they are terms like any other: the force may also run along another covariate.
         let share = |term: usize| self.probability(term) / self.force_in(dof, None).max(1e-300);
-        let (mut ranked, none): (Vec<(Form, f64)>, f64) = if closed.stands {
+        let (mut ranked, none): (Vec<(Form, f64)>, f64) = if closed.replaces_table {
             let each = closed.forms.iter().map(|f| (f.clone(), share(f.candidate)));
             let all: Vec<(Form, f64)> = each.collect();
             let rest = 1.0 - all.iter().map(|f| f.1).sum::<f64>();
@@ -158,7 +158,7 @@ impl Judged<'_> {
             (each.collect(), closed.none)
         };
         // The search went on after the forms joined: what their numbers are the likeliest model of each says now.
-        for (form, _) in ranked.iter_mut().filter(|_| closed.stands) {
+        for (form, _) in ranked.iter_mut().filter(|_| closed.replaces_table) {
             let holds = |f: &&Fit| f.terms.contains(&form.candidate);
             let of = self.found.models.values().filter(holds);
             if let Some(fit) = of.max_by(|a, b| a.ln_score.total_cmp(&b.ln_score)) {
@@ -171,12 +171,12 @@ impl Judged<'_> {
             .filter_map(|(f, p)| self.written(f, *p))
             .collect();
         let first = forms.first().map_or(0.0, |f| f.probability);
-        let sure = closed.stands && first >= ESTABLISHED;
+        let sure = closed.replaces_table && first >= ESTABLISHED;
         let several: Vec<String> = forms
             .iter()
             .map(|f| format!("{} (probability {:.3})", f.expression, f.probability))
             .collect();
-        let sentence = match (sure, closed.stands, &closed.one_run_out) {
+        let sentence = match (sure, closed.replaces_table, &closed.one_run_out) {
             (true, ..) => format!("in closed form {}", several[0]),
             (_, true, _) => format!(
                 "its closed form is not decided: {}; or none (probability {none:.3})",

@@ -15,8 +15,8 @@ const SD: [f64; 2] = [3e-6, 0.3];
 const TAU_S: [f64; 2] = [0.2, 10.0];
 /// Intensity of acceleration \[m²/s³\], of angles \[rad²/s³\].
 const DRIVE: [f64; 2] = [1e-12, 1e-2];
-/// Gain of log evidence that a move is worth.
-const LEAST: f64 = 0.01;
+/// Gain of log evidence below which the search ends.
+const SMALLEST_GAIN: f64 = 0.01;
 /// Rounds through the numbers at most.
 const ROUNDS: usize = 12;
 /// Starts: nearly no disturbance and what a tank does to a vehicle; a small and a wide disturbance, no force.
@@ -108,7 +108,7 @@ pub fn chosen(
     for start in STARTS {
         let drive = if driven { start.drive } else { present.drive };
         let found = optimised(MotionPrior { drive, ..start }, driven, value);
-        if found.1 > best.1.map(|b| b + LEAST) {
+        if found.1 > best.1.map(|b| b + SMALLEST_GAIN) {
             best = found;
         }
     }
@@ -139,7 +139,7 @@ fn optimised(
                         break;
                     }
                     let found = value(&tried);
-                    if found <= best.map(|b| b + LEAST) {
+                    if found <= best.map(|b| b + SMALLEST_GAIN) {
                         break;
                     }
                     (motion_prior, best, moved) = (tried, found, true);

@@ -19,8 +19,8 @@ use nalgebra::{DMatrix, DVector};
 use std::collections::HashMap;
 use std::sync::{Arc, RwLock};
 
-/// Least spread of any DOF: far below what frames can show \[m\], \[rad\].
-const LEAST: f64 = 2e-6;
+/// Floor of the prior sd of any DOF: far below what frames can show \[m\], \[rad\].
+const SMALLEST_SD: f64 = 2e-6;
 /// Where a run starts, standard deviations: x may be a hexagon off, z and the attitude are set by hand.
 const START_SD: [f64; 6] = [0.3, 0.05, 0.02, 0.02, 0.005, 0.1];
 /// Share by which a coefficient may be off.
@@ -165,7 +165,11 @@ impl Motion {
                 let (early, late) = (a.min(b) - start_s, a.max(b) - start_s);
                 v += motion_prior.drive * early * early * (3.0 * late - early) / 6.0;
             }
-            if i == j { v + LEAST * LEAST } else { v }
+            if i == j {
+                v + SMALLEST_SD * SMALLEST_SD
+            } else {
+                v
+            }
         });
         for b in &self.regressors[dof] {
             k.ger(1.0, b, b, 1.0);

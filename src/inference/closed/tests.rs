@@ -136,13 +136,13 @@ fn a_bump_is_written_down_and_three_are_not() {
         asked(&Tank::new(&[0], vec![effect]), along, seed).unwrap()
     };
     let (found, bump) = of(24);
-    assert!(bump.stands && bump.none < 0.01, "{}", bump.none);
+    assert!(bump.replaces_table && bump.none < 0.01, "{}", bump.none);
     assert_eq!(names(&found, &bump.forms[0]), ["bump", "none"]);
     let (form, table) = bump.one_run_out.unwrap();
     let [form, table] = [form, table].map(|rms| rms[Channel::X]);
     assert!(form < table, "{form} {table}");
     let (_, three) = of(11);
-    assert!(!three.stands && three.none > 0.9, "{}", three.none);
+    assert!(!three.replaces_table && three.none > 0.9, "{}", three.none);
 }
 
 /// `FROM=1 COUNT=12 cargo test -p hydroline-inference --lib of_drawn_forces -- --ignored --nocapture`
@@ -163,7 +163,7 @@ fn of_drawn_forces() {
             "== {seed} {what}: {:.1} s, none {:.3}, stands {}, left out {:?}",
             begun.elapsed().as_secs_f64(),
             one.none,
-            one.stands,
+            one.replaces_table,
             one.one_run_out.map(|l| (l.0[Channel::X], l.1[Channel::X])),
         );
         let body = &found.problem.body;

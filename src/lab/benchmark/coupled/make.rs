@@ -32,8 +32,8 @@ const STEP_S: f64 = 0.005;
 const ATTITUDE_RAD: f64 = 1.745e-4;
 /// Largest loads \[N, N m\]: the vehicle stays in the tank and moves in all three.
 pub(super) const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
-/// Least weight of an effect, in tolerances: it surely matters.
-const LEAST: f64 = 1.3;
+/// Smallest weight of a drawn effect, in tolerances: it surely matters.
+const SMALLEST_WEIGHT: f64 = 1.3;
 /// Greatest.
 const MOST: f64 = 40.0;
 /// Draws before a case is given up.
@@ -288,7 +288,10 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             last = "no finite motion".to_owned();
             continue;
         };
-        if let Some(w) = weights.iter().find(|w| !(LEAST..MOST).contains(*w)) {
+        if let Some(w) = weights
+            .iter()
+            .find(|w| !(SMALLEST_WEIGHT..MOST).contains(*w))
+        {
             last = format!("an effect of {w:.2} tolerances");
             continue;
         }
@@ -441,6 +444,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "eleven seconds: tests/nightly proof"]
     fn every_kind_of_effect_is_heavy_enough_for_a_case() {
         let mut rng = StdRng::seed_from_u64(5);
         let mut water = Rig::builtin("lshpi").unwrap();
@@ -463,7 +467,7 @@ mod tests {
             };
             let weights = weights(&water, &runs).unwrap().unwrap();
             for (entry, weight) in water.physics.iter().zip(weights) {
-                let held = (LEAST..MOST).contains(&weight);
+                let held = (SMALLEST_WEIGHT..MOST).contains(&weight);
                 missing.retain(|kind| *kind != entry.effect || !held);
             }
         }

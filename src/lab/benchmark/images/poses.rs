@@ -4,7 +4,7 @@ use super::ImageCase;
 use hydroline_diagnose::profiles::known::{self, Poses};
 
 /// Errors of x, y, z \[m\] and of the angles \[rad\] below which nothing is compared: a tenth of what a frame gives at best.
-const LEAST: [f64; 6] = [3e-5, 3e-6, 1e-5, 5e-7, 3e-5, 1e-5];
+const SMALLEST_ERROR: [f64; 6] = [3e-5, 3e-6, 1e-5, 5e-7, 3e-5, 1e-5];
 
 /// rms of the errors of the six numbers against the truth.
 fn rms(poses: &[Poses], truth: &[Poses]) -> Option<[f64; 6]> {
@@ -34,7 +34,8 @@ fn rms(poses: &[Poses], truth: &[Poses]) -> Option<[f64; 6]> {
 pub(super) fn ratio(case: &ImageCase, after: &[Poses]) -> Option<f64> {
     let clean = known::poses(&case.clean, &case.rig).ok()??;
     let (clean, after) = (rms(&clean, &case.poses)?, rms(after, &case.poses)?);
-    let each = (0..6).map(|d| (after[d].max(LEAST[d]) / clean[d].max(LEAST[d])).powi(2));
+    let each =
+        (0..6).map(|d| (after[d].max(SMALLEST_ERROR[d]) / clean[d].max(SMALLEST_ERROR[d])).powi(2));
     Some((each.sum::<f64>() / 6.0).sqrt())
 }
 
