@@ -215,7 +215,7 @@ fn speed_damps_roll_and_one_speed_alone_cannot_show_it() {
         v.sentence
     );
     assert!(
-        v.blind_spots.contains(&"lift_damping".to_owned()),
+        v.blind_spots.contains(&"lift_damping in roll".to_owned()),
         "{:?}",
         v.blind_spots
     );
@@ -433,7 +433,7 @@ fn the_ship_under_way_is_damped_by_its_lift() {
     let v = diagnose(&[a], &[], &rig, &|_| {}).unwrap().verdict;
     show(&v);
     assert!(probability(&v, "lift_damping") < 0.5, "{}", v.sentence);
-    assert!(v.blind_spots.contains(&"lift_damping".to_owned()));
+    assert!(v.blind_spots.contains(&"lift_damping in roll".to_owned()));
     assert!(
         v.at_limit.iter().any(|c| c.key == "k_p"),
         "{:?}",
