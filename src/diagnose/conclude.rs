@@ -23,7 +23,7 @@ pub enum DiagnoseError {
     Effect(#[from] EffectError),
     /// The frames.
     #[error(transparent)]
-    Images(#[from] ImageError),
+    Images(Box<ImageError>),
     /// No fit.
     #[error(
         "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
@@ -32,6 +32,12 @@ pub enum DiagnoseError {
         /// DOF.
         dof: &'static str,
     },
+}
+
+impl From<ImageError> for DiagnoseError {
+    fn from(error: ImageError) -> DiagnoseError {
+        DiagnoseError::Images(Box::new(error))
+    }
 }
 
 /// A verdict, and the rig with what was left out put in.
