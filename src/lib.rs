@@ -20,11 +20,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub use hydroline_benchmark as prove;
 pub use hydroline_capture as capture;
 pub use hydroline_cli as cli;
-pub use hydroline_core::{
-    build_info, clock, event, frame, run, session, shutdown, thread_class, water,
-};
+pub use hydroline_core::{build_info, clock, event, frame, session, shutdown, thread_class, water};
 pub use hydroline_daemon::live as live_run;
 pub use hydroline_daemon::{
     analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,
@@ -33,12 +32,11 @@ pub use hydroline_diagnose as diagnose;
 pub use hydroline_identify as identify;
 pub use hydroline_identify::predict;
 pub use hydroline_import as import;
-#[cfg(feature = "lab")]
-pub use hydroline_lab::{benchmark as prove, reproduce};
 pub use hydroline_live as live;
 pub use hydroline_log as log;
 pub use hydroline_plan as plan;
 pub use hydroline_pose as pose;
 pub use hydroline_pose::smooth;
+pub use hydroline_reproduce as reproduce;
 pub use hydroline_stripe as stripe;
 pub use hydroline_thruster as thruster;

@@ -5,13 +5,10 @@
 #![allow(clippy::expect_used)]
 
 use divan::{Bencher, black_box};
+use hydroline_calib::detect::synthetic::{Scene, View, render};
 use hydroline_calib::detect::{Grey, detect, detect_quick};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::{Board, BoardPattern};
-use synthetic::{Scene, View, render};
-
-#[path = "../tests/synthetic/mod.rs"]
-mod synthetic;
 
 fn main() {
     divan::main();
@@ -87,7 +84,7 @@ fn detection_and_update(bencher: Bencher, kind: &str) {
 #[divan::bench]
 fn no_board(bencher: Bencher) {
     let board = board("lines");
-    let pixels = synthetic::clutter([720, 576], 6);
+    let pixels = hydroline_calib::detect::synthetic::clutter([720, 576], 6);
     let grey = Grey::new(720, 576, &pixels).expect("size");
     bencher.bench(|| detect_quick(black_box(&grey), &board).is_err());
 }

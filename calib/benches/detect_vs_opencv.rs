@@ -13,14 +13,11 @@ use std::path::Path;
 use std::time::Instant;
 
 use hydroline_calib::board::coplanarity::{Coplanarity, GaugeOptions, measure};
+use hydroline_calib::detect::synthetic::{CLUTTER_KINDS, LaserSheet, Scene, View, clutter, render};
 use hydroline_calib::detect::{Grey, detect, detect_quick};
 use hydroline_calib::map::{FitOptions, Method, fit};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::{Board, BoardPattern, GaugeBlock};
-use synthetic::{CLUTTER_KINDS, LaserSheet, Scene, View, clutter, render};
-
-#[path = "../tests/synthetic/mod.rs"]
-mod synthetic;
 
 const REPEATS: u32 = 20;
 /// The budget of the frame that the detector shares the core with \[ms\].

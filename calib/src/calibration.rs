@@ -10,21 +10,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::IdealMap;
 use crate::board::coplanarity::Coplanarity;
-use crate::map::{FittedMap, HomographyMap, RefractiveMap};
+use crate::map::{FittedMap, GridMap, HomographyMap, RefractiveMap};
 use crate::plane::{Fan, ImageSize, PlaneMap};
 use board_map::{BoardMap, NoMap};
 pub use board_map::{NodeResidual, Placement};
 
 /// What is wrong with a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum CalibError {
     /// The file cannot be read at all.
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
-    NoFile { file: String, reason: String },
+    NoFile {
+        /// File as named by the caller.
+        file: String,
+        /// The system's words.
+        reason: String,
+    },
     /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
     Unreadable {
+        /// File as named by the caller.
         file: String,
         /// The parser's words, with line.
         reason: String,
@@ -34,14 +39,21 @@ pub enum CalibError {
         "{file}: {key} is {value}, but must be {allowed}. Calibrate again, or restore the file"
     )]
     OutOfRange {
+        /// File as named by the caller.
         file: String,
+        /// Key path.
         key: &'static str,
+        /// Value as read.
         value: f64,
+        /// Allowed range with unit.
         allowed: &'static str,
     },
     /// The calibration could not be written as TOML.
     #[error("the calibration cannot be written: {reason}")]
-    Unwritable { reason: String },
+    Unwritable {
+        /// The serialiser's words.
+        reason: String,
+    },
 }
 
 /// What the light passed through when the map was made.
@@ -115,8 +127,7 @@ pub enum MapParameters {
     Ideal(IdealParameters),
     /// A literal Wang-Cheng map, rectified or not (`kind`).
     #[serde(rename = "grid")]
-    #[cfg(feature = "lab")]
-    Grid(Box<crate::map::GridMap>),
+    Grid(Box<GridMap>),
     /// Homography and Brown distortion.
     #[serde(rename = "homography")]
     Homography(Box<HomographyMap>),
@@ -130,7 +141,6 @@ impl MapParameters {
     pub fn method(&self) -> &'static str {
         match self {
             MapParameters::Ideal(_) => "eq11-12",
-            #[cfg(feature = "lab")]
             MapParameters::Grid(map) => map.kind().name(),
             MapParameters::Homography(_) => "homography",
             MapParameters::Refractive(_) => "refractive",
@@ -141,7 +151,6 @@ impl MapParameters {
     pub fn fitted(&self) -> Option<FittedMap> {
         match self {
             MapParameters::Ideal(_) => None,
-            #[cfg(feature = "lab")]
             MapParameters::Grid(map) => Some(FittedMap::Grid((**map).clone())),
             MapParameters::Homography(map) => Some(FittedMap::Homography((**map).clone())),
             MapParameters::Refractive(map) => Some(FittedMap::Refractive((**map).clone())),
@@ -267,7 +276,6 @@ impl Calibration {
         check("coplanarity", 0.0, sound, "finite, its camera off the face")?;
         let p = match &self.map {
             MapParameters::Ideal(p) => p,
-            #[cfg(feature = "lab")]
             MapParameters::Grid(_) => return Ok(()), // its nodes were checked while it was built
             MapParameters::Homography(map) => {
                 return check(

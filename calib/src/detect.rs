@@ -17,6 +17,7 @@ mod reason;
 mod refine;
 mod shared;
 mod smooth;
+pub mod synthetic;
 mod tone;
 
 pub(crate) use ends::part;

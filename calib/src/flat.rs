@@ -95,13 +95,13 @@ pub struct Flat {
 }
 
 /// What of the levels is no power of light.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
-    /// Root mean square over the levels \[grey levels\].
+    /// Rms over the levels \[grey levels\].
     pub rms_levels: f64,
-    /// Largest size \[grey levels\].
+    /// Most, and where \[grey levels\].
     pub most_levels: f64,
-    /// Level where that is \[grey levels\].
+    /// Level of that.
     pub at_levels: f64,
     /// χ² of having any, and its degrees of freedom.
     pub chi2: [f64; 2],
@@ -109,70 +109,126 @@ pub struct Deviation {
 
 /// Why a series gives no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum FlatError {
+    /// Exposures.
     #[error(
         "{exposures} exposures of different times; at least {least} are needed: fewer cannot contradict each other. Record the same scene at 5 to 8 exposure times, each twice the one before"
     )]
-    FewExposures { exposures: usize, least: usize },
+    FewExposures {
+        /// Found.
+        exposures: usize,
+        /// Needed.
+        least: usize,
+    },
+    /// Frames.
     #[error(
         "{name}: {frames} frames; at least {least} of each exposure are needed to tell the noise, 10 to 20 are better"
     )]
     FewFrames {
+        /// The exposure.
         name: String,
+        /// Found.
         frames: usize,
+        /// Needed.
         least: usize,
     },
+    /// Image sizes.
     #[error(
         "{name}: a frame of {got:?} pixels, others have {wanted:?}; all must be of one camera at one size"
     )]
     Size {
+        /// The exposure.
         name: String,
+        /// Width and height.
         got: (usize, usize),
+        /// Of the others.
         wanted: (usize, usize),
     },
+    /// Within an exposure.
     #[error("{name}: {what}")]
-    Unsteady { name: String, what: Unsteady },
+    Unsteady {
+        /// The exposure.
+        name: String,
+        /// What is wrong.
+        what: Unsteady,
+    },
     /// Too little between floor and ceiling.
     #[error(
         "{blocks} places of the picture are seen between floor and ceiling under two exposures or more, over {span:.0} grey levels; {blocks_least} over {span_least:.0} are needed: choose a scene of many brightnesses, exposures that reach from dark to clipped, each at most three times the one before"
     )]
     Little {
+        /// Blocks.
         blocks: usize,
+        /// Needed.
         blocks_least: usize,
+        /// Levels.
         span: f64,
+        /// Needed.
         span_least: f64,
     },
+    /// Exposures without common places.
     #[error(
         "{name}: no place of the picture is between floor and ceiling both here and under another exposure: choose exposure times nearer to each other, or leave it out"
     )]
-    Apart { name: String },
+    Apart {
+        /// The exposure.
+        name: String,
+    },
+    /// Moved.
     #[error(
         "{:.0} % of the picture changed between exposures by more than its noise (at most {:.0} % may): camera, scene or light moved. Fix the camera, keep people and reflections out, and record again", 100.0 * share, 100.0 * most
     )]
-    Moved { share: f64, most: f64 },
+    Moved {
+        /// Share of the blocks.
+        share: f64,
+        /// Allowed.
+        most: f64,
+    },
     /// Levels do not follow the time.
     #[error(
         "{name}: light is {:+.0} % off what its exposure time says beside the others (at most {:.0} % may be): auto exposure, auto gain or auto white balance is on, the lamp changed, or the time is wrong. Set the camera's controls to manual, or leave this exposure out", 100.0 * share, 100.0 * most
     )]
-    OffTime { name: String, share: f64, most: f64 },
+    OffTime {
+        /// The exposure that is furthest off.
+        name: String,
+        /// By this share of the light.
+        share: f64,
+        /// Allowed.
+        most: f64,
+    },
     /// Levels hardly follow the times at all.
     #[error(
         "grey levels follow the exposure time by a power of about {gamma:.2}; cameras have 0.2 to 5: auto exposure or auto gain is on, or the times are wrong. Set the camera's controls to manual and record again"
     )]
-    NoCamera { gamma: f64 },
+    NoCamera {
+        /// Found.
+        gamma: f64,
+    },
+    /// Not a power.
     #[error(
         "the camera's curve is no power of light: it deviates by {:.2} grey levels rms between {:.0} and {:.0}, by {:+.2} at {:.0} (chi2 {:.0} of {:.0}; at most {most:.1} rms may be). Switch off contrast, dynamic range and tone curve controls (`hydroline devices --long` lists them), and record again; without [camera.response] each run's first frames find the nearest power", deviation.rms_levels, levels[0], levels[1], deviation.most_levels, deviation.at_levels, deviation.chi2[0], deviation.chi2[1]
     )]
     NoPower {
+        /// By how much.
         deviation: Deviation,
+        /// Levels looked at.
         levels: [f64; 2],
+        /// Allowed rms.
         most: f64,
     },
+    /// γ is badly known.
     #[error(
         "gamma comes out as {gamma:.3} with a standard deviation of {sd:.3}, worse than the first frames of a run tell it ({most}): give more exposures over a larger range of times, more frames, and a scene of more brightnesses"
     )]
-    Vague { gamma: f64, sd: f64, most: f64 },
+    Vague {
+        /// Found.
+        gamma: f64,
+        /// Its sd.
+        sd: f64,
+        /// Allowed.
+        most: f64,
+    },
+    /// A matrix without an inverse.
     #[error(
         "the exposures do not determine the curve, their levels hardly differ: is auto exposure on (set the camera's controls to manual)? Else choose a scene of many brightnesses and exposure times over a range of 10 or more"
     )]

@@ -37,13 +37,7 @@ pub mod frames;
 pub mod map;
 pub mod online;
 pub mod plane;
-#[cfg(test)]
-#[path = "../tests/synthetic/mod.rs"]
-mod synthetic;
-
-// The boards that tests draw name this crate as other crates do.
-#[cfg(test)]
-extern crate self as hydroline_calib;
+pub mod study;
 
 pub use analytic::IdealMap;
 pub use calibration::{CalibError, Calibration, IdealParameters, MapParameters, Medium, Residuals};

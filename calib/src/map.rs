@@ -19,14 +19,12 @@
 //! and answers nothing outside the hull of the nodes.
 
 pub mod geometry;
-#[cfg(feature = "lab")]
 pub mod grid;
 pub mod homography;
 pub mod lm;
 pub mod refractive;
 pub mod region;
 
-#[cfg(feature = "lab")]
 pub use grid::{GridKind, GridMap};
 pub use homography::HomographyMap;
 pub use refractive::{RefractiveMap, RefractivePrior};
@@ -71,16 +69,12 @@ impl Node {
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Quadratic longitudes and latitudes, linear between neighbours (Wang and Cheng).
-    #[cfg(feature = "lab")]
     Graticule,
     /// Inverse bilinear in each cell.
-    #[cfg(feature = "lab")]
     Bilinear,
     /// Least-squares affine in each cell.
-    #[cfg(feature = "lab")]
     Affine,
     /// One homography, then the graticule.
-    #[cfg(feature = "lab")]
     RectifiedGraticule,
     /// Homography and Brown distortion with free centre.
     Homography,
@@ -89,15 +83,11 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods, literal ones first; those of the feature `lab` are kept to be compared with.
-    pub const ALL: &[Method] = &[
-        #[cfg(feature = "lab")]
+    /// All methods, literal ones first.
+    pub const ALL: [Method; 6] = [
         Method::Affine,
-        #[cfg(feature = "lab")]
         Method::Bilinear,
-        #[cfg(feature = "lab")]
         Method::Graticule,
-        #[cfg(feature = "lab")]
         Method::RectifiedGraticule,
         Method::Homography,
         Method::Refractive,
@@ -106,13 +96,9 @@ impl Method {
     /// Name in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
-            #[cfg(feature = "lab")]
             Method::Graticule => "graticule",
-            #[cfg(feature = "lab")]
             Method::Bilinear => "bilinear",
-            #[cfg(feature = "lab")]
             Method::Affine => "affine",
-            #[cfg(feature = "lab")]
             Method::RectifiedGraticule => "rectified-graticule",
             Method::Homography => "homography",
             Method::Refractive => "refractive",
@@ -121,20 +107,23 @@ impl Method {
 
     /// The method of that name.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.iter().copied().find(|m| m.name() == name)
+        Self::ALL.into_iter().find(|m| m.name() == name)
     }
 }
 
 /// Why no map could be made of the nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum MapError {
+    /// Too few nodes.
     #[error(
         "{found} nodes are too few for `{method}`, which needs {needed}; show more of the board"
     )]
     TooFewNodes {
+        /// Method asked for.
         method: &'static str,
+        /// Nodes given.
         found: usize,
+        /// Nodes needed.
         needed: usize,
     },
     /// A node with numbers that cannot be.
@@ -142,15 +131,23 @@ pub enum MapError {
         "node {index} at pixel ({column_px}, {row_px}) has a coordinate or covariance that is not a sound number"
     )]
     BadNode {
+        /// Index in the list.
         index: usize,
+        /// Column as given.
         column_px: f64,
+        /// Row as given.
         row_px: f64,
     },
     /// The nodes do not lie on a grid of lines.
     #[error(
         "the nodes lie on {columns} longitudes and {rows} latitudes with enough nodes each; a grid map needs at least 3 of both"
     )]
-    NotAGrid { columns: usize, rows: usize },
+    NotAGrid {
+        /// Usable longitudes.
+        columns: usize,
+        /// Usable latitudes.
+        rows: usize,
+    },
     /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
@@ -159,9 +156,12 @@ pub enum MapError {
         "`refractive` needs an approximate focal length, port and water index (rig file: camera, port); none was given"
     )]
     PriorMissing,
+    /// The fit itself failed.
     #[error("`{method}` could not be fitted: {source}")]
     Fit {
+        /// Method asked for.
         method: &'static str,
+        /// Cause.
         source: LmError,
     },
 }
@@ -179,7 +179,6 @@ pub struct FitOptions {
 #[derive(Debug, Clone, PartialEq)]
 pub enum FittedMap {
     /// A literal reading of Wang and Cheng, rectified first or not.
-    #[cfg(feature = "lab")]
     Grid(GridMap),
     /// Homography and Brown distortion.
     Homography(HomographyMap),
@@ -194,13 +193,9 @@ pub enum FittedMap {
 pub fn fit(method: Method, nodes: &[Node], options: &FitOptions) -> Result<FittedMap, MapError> {
     check_nodes(nodes)?;
     Ok(match method {
-        #[cfg(feature = "lab")]
         Method::Graticule => FittedMap::Grid(GridMap::fit(GridKind::Graticule, nodes)?),
-        #[cfg(feature = "lab")]
         Method::Bilinear => FittedMap::Grid(GridMap::fit(GridKind::Bilinear, nodes)?),
-        #[cfg(feature = "lab")]
         Method::Affine => FittedMap::Grid(GridMap::fit(GridKind::Affine, nodes)?),
-        #[cfg(feature = "lab")]
         Method::RectifiedGraticule => {
             FittedMap::Grid(GridMap::fit(GridKind::RectifiedGraticule, nodes)?)
         }
@@ -223,23 +218,10 @@ fn check_nodes(nodes: &[Node]) -> Result<(), MapError> {
     }
 }
 
-/// The same question to whichever map it is.
-macro_rules! each {
-    ($fitted:expr, $map:ident => $answer:expr) => {
-        match $fitted {
-            #[cfg(feature = "lab")]
-            FittedMap::Grid($map) => $answer,
-            FittedMap::Homography($map) => $answer,
-            FittedMap::Refractive($map) => $answer,
-        }
-    };
-}
-
 impl FittedMap {
     /// The method this map was fitted with.
     pub fn method(&self) -> Method {
         match self {
-            #[cfg(feature = "lab")]
             FittedMap::Grid(map) => match map.kind() {
                 GridKind::Graticule => Method::Graticule,
                 GridKind::Bilinear => Method::Bilinear,
@@ -256,7 +238,11 @@ impl FittedMap {
         if !(column_px.is_finite() && row_px.is_finite()) {
             return None;
         }
-        each!(self, map => map.to_plane(column_px, row_px))
+        match self {
+            FittedMap::Grid(map) => map.to_plane(column_px, row_px),
+            FittedMap::Homography(map) => map.to_plane(column_px, row_px),
+            FittedMap::Refractive(map) => map.to_plane(column_px, row_px),
+        }
     }
 
     /// The pixel at which a sheet point is seen.
@@ -264,7 +250,11 @@ impl FittedMap {
         if !self.region().contains(xi_m, eta_m) {
             return None;
         }
-        each!(self, map => map.to_image(xi_m, eta_m))
+        match self {
+            FittedMap::Grid(map) => map.to_image(xi_m, eta_m),
+            FittedMap::Homography(map) => map.to_image(xi_m, eta_m),
+            FittedMap::Refractive(map) => map.to_image(xi_m, eta_m),
+        }
     }
 
     /// d(ξ, η)/d(column, row) \[m/px\].
@@ -272,11 +262,19 @@ impl FittedMap {
         if !(column_px.is_finite() && row_px.is_finite()) {
             return None;
         }
-        each!(self, map => map.jacobian(column_px, row_px))
+        match self {
+            FittedMap::Grid(map) => map.jacobian(column_px, row_px),
+            FittedMap::Homography(map) => map.jacobian(column_px, row_px),
+            FittedMap::Refractive(map) => map.jacobian(column_px, row_px),
+        }
     }
 
     /// Where the map holds.
     pub fn region(&self) -> &Region {
-        each!(self, map => map.region())
+        match self {
+            FittedMap::Grid(map) => map.region(),
+            FittedMap::Homography(map) => map.region(),
+            FittedMap::Refractive(map) => map.region(),
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! From rendered board images to the dimensions of a test object: the whole chain of a
 //! calibration, through lens, flat port and water, with noise, blur, uneven light and a
-//! laser line across the board. The camera is `synthetic::truth`, which no map knows.
+//! laser line across the board. The camera is `study::truth`, which no map knows.
 //!
 //! The test object is ours (steps and widths of 20 to 200 mm all over the sheet), "Wang-Cheng
 //! like"; what object gave their published 0.07 to 0.66 mm is not documented.
@@ -10,14 +10,12 @@ use hydroline_calib::Calibration;
 use hydroline_calib::Medium;
 use hydroline_calib::board::coplanarity::{Coplanarity, GaugeOptions, measure};
 use hydroline_calib::calibration::board_map::{Placement, Provenance};
+use hydroline_calib::detect::synthetic::{LaserSheet, Scene, View, render};
 use hydroline_calib::detect::{Grey, detect};
 use hydroline_calib::map::{FitOptions, Method, fit};
+use hydroline_calib::study::{prior, truth::Rig};
 use hydroline_rigs::{Board, BoardPattern, GaugeBlock};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
-use synthetic::truth::{Rig, prior};
-use synthetic::{LaserSheet, Scene, View, render};
-
-mod synthetic;
 
 fn board() -> Board {
     let block = |x, y| GaugeBlock {
@@ -128,7 +126,7 @@ fn calibrate(offset_m: f64, method: Method) -> Calibration {
 #[test]
 fn dimensions_of_a_test_object_from_rendered_boards() {
     let rig = Rig::behind_port();
-    for &method in Method::ALL {
+    for method in Method::ALL {
         let calibration = calibrate(0.0, method);
         let (least, most, rms) = dimensions(&calibration, &rig, 0.0);
         println!(

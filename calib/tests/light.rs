@@ -8,14 +8,13 @@
 mod light {
     pub mod views;
 }
-mod synthetic;
 
+use hydroline_calib::detect::synthetic::{Scene, Tone, View, render};
 use hydroline_calib::detect::{Detection, Grey, NotFound, Orientation, detect};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::Board;
 use light::views::{Covered, KINDS, Tally, board, covered, flipped, judge, number, view};
 use std::collections::BTreeMap;
-use synthetic::{Scene, Tone, View, render};
 
 fn look(board: &Board, pixels: &[u8]) -> Result<Detection, NotFound> {
     detect(&Grey::new(720, 576, pixels).unwrap(), board)

@@ -1,9 +1,9 @@
 //! Rig, target, board and plan files: what a person types, checked once, and the
 //! ready objects the rest of hydroline works with.
 //!
-//! A table of a file is declared once (`raw::table!`): name, meaning, unit, range and default of its keys, from which
-//! reading, writing and the book's reference come, and the checked type exported here. [`Rig::load`] and friends are the
-//! only way to it; unknown keys are refused, and every error names file, key, value and allowed range.
+//! Every file kind has two types: `raw::*` (as typed; unknown keys refused) and the
+//! checked type exported here. [`Rig::load`] and friends are the only way from one
+//! to the other, and every error names file, key, value and allowed range.
 //!
 //! ```
 //! use hydroline_rigs::{Plan, Rig};
@@ -25,13 +25,8 @@
 // A test may stop at the first surprise; the library may not.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-// First: what it declares tables with is a macro.
-#[macro_use]
-mod raw;
-
 pub mod bounded;
 pub mod camera;
-pub mod channel;
 pub mod laser;
 pub mod physics;
 pub mod pixel_format;
@@ -43,17 +38,15 @@ pub mod thruster;
 pub mod vehicle;
 
 mod builtin;
-mod device;
+mod effective;
 mod error;
-mod identified;
 mod load;
+mod raw;
 mod response;
 mod rig;
 
-pub use camera::{Camera, CameraBackend, CameraControl, ImageNoise};
-pub use device::DeviceIdentity;
+pub use camera::{Camera, CameraBackend, CameraControl, DeviceIdentity, ImageNoise};
 pub use error::{Problem, ProblemKind, RigError};
-pub use identified::Identified;
 pub use laser::{FlatPort, Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
 pub use pixel_format::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
@@ -63,4 +56,4 @@ pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
 pub use thruster::{BollardPull, Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
-pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};
+pub use vehicle::{AxisCoefficients, Dof, Identified, Vehicle, VehicleModel};

@@ -1,50 +1,36 @@
-//! From files, texts and built-in names to checked objects, and back to text.
+//! From files, texts and built-in names to checked objects.
 
 use std::path::{Path, PathBuf};
 
 use crate::builtin;
+use crate::effective;
 use crate::error::{RigError, nearest};
-use crate::raw::{Includes, Problems, Table, Writer, read_document, read_text};
+use crate::raw::{
+    Includes, Problems, is_name, read_board, read_document, read_plan, read_rig, read_target,
+    read_text,
+};
 use crate::{Board, Plan, Rig, Target};
 
 fn names(kind: &str) -> Vec<&'static str> {
     builtin::files(kind).iter().map(|(name, _)| *name).collect()
 }
 
-/// A path when a file is there or it looks like a path, otherwise a built-in name.
-fn is_path(arg: &str) -> bool {
-    Path::new(arg).is_file() || arg.contains('/') || arg.ends_with(".toml")
-}
-
-type Read<T> = Result<T, RigError>;
-
-fn parse<T: Table>(text: &str, file_name: &str, problems: Problems) -> Read<T> {
-    let table = read_document(file_name, text, &problems, T::read);
-    problems.finish(file_name, table)
-}
-
-fn load<T>(path: &Path, parse: impl Fn(&str, &str) -> Read<T>) -> Read<T> {
-    parse(&read_text(path)?, &path.display().to_string())
-}
-
-fn built_in<T>(kind: &'static str, name: &str, parse: impl Fn(&str, &str) -> Read<T>) -> Read<T> {
-    match builtin::files(kind)
+fn builtin_text(kind: &'static str, name: &str) -> Result<&'static str, RigError> {
+    builtin::files(kind)
         .iter()
         .find(|(known, _)| *known == name)
-    {
-        Some((_, text)) => parse(text, &format!("builtin:{name}")),
-        None => Err(RigError::UnknownName {
+        .map(|(_, text)| *text)
+        .ok_or_else(|| RigError::UnknownName {
             kind,
             name: name.chars().take(200).collect(),
             suggestion: nearest(name, names(kind).into_iter()),
             known: names(kind),
-        }),
-    }
+        })
 }
 
-/// The table as a file of its own.
-fn file(table: &impl Table) -> String {
-    Writer::text_of("", |w| table.write_keys(w))
+/// A path when a file is there or it looks like a path, otherwise a built-in name.
+fn is_path(arg: &str) -> bool {
+    Path::new(arg).is_file() || arg.contains('/') || arg.ends_with(".toml")
 }
 
 impl Rig {
@@ -54,7 +40,7 @@ impl Rig {
     /// [`RigError::Unreadable`], or [`RigError::Invalid`] with everything wrong in the file.
     pub fn load(path: &Path) -> Result<Rig, RigError> {
         let folder = path.parent().unwrap_or(Path::new(""));
-        load(path, |text, name| Rig::from_toml(text, name, Some(folder)))
+        Rig::from_toml(&read_text(path)?, &path.display().to_string(), Some(folder))
     }
 
     /// Reads a rig from a text. `file_name` is for messages; `base_dir` is where target
@@ -67,10 +53,14 @@ impl Rig {
         file_name: &str,
         base_dir: Option<&Path>,
     ) -> Result<Rig, RigError> {
-        let folder = base_dir.map(|folder| Includes::Folder(PathBuf::from(folder)));
-        let problems = Problems::with_includes(folder.unwrap_or_default());
-        let mut rig: Rig = parse(text, file_name, problems)?;
-        rig.effective_toml = rig.to_toml();
+        let includes = match base_dir {
+            Some(folder) => Includes::Folder(PathBuf::from(folder)),
+            None => Includes::Builtin,
+        };
+        let problems = Problems::default();
+        let rig = read_document(file_name, text, &problems, |root| read_rig(root, &includes));
+        let mut rig = problems.finish(file_name, rig)?;
+        rig.effective_toml = effective::rig(&rig);
         Ok(rig)
     }
 
@@ -79,7 +69,7 @@ impl Rig {
     /// # Errors
     /// [`RigError::UnknownName`] with the names there are.
     pub fn builtin(name: &str) -> Result<Rig, RigError> {
-        built_in("rig", name, |text, name| Rig::from_toml(text, name, None))
+        Rig::from_toml(builtin_text("rig", name)?, &format!("builtin:{name}"), None)
     }
 
     /// What `--rig` takes: the path of a file or the name of a built-in rig.
@@ -103,62 +93,30 @@ impl Rig {
     pub fn template() -> &'static str {
         builtin::TEMPLATE
     }
-
-    /// The rig as it is now as TOML: every include inlined, every default said. Reads back to the same rig, bit for bit:
-    /// angles in radians, intrinsics as four numbers, floats in Rust's shortest exact form.
-    pub fn to_toml(&self) -> String {
-        file(self)
-    }
 }
-
-/// What plans, targets and boards have in common.
-macro_rules! of_files {
-    ($name:ident, $kind:literal, $option:literal) => {
-        impl $name {
-            #[doc = concat!("Reads a ", $kind, " file.")]
-            ///
-            /// # Errors
-            /// [`RigError::Unreadable`], or [`RigError::Invalid`] with everything wrong in the file.
-            pub fn load(path: &Path) -> Result<$name, RigError> {
-                load(path, $name::from_toml)
-            }
-
-            #[doc = concat!("What ", $option, " takes: the path of a file or the name of a built-in ", $kind, ".")]
-            ///
-            /// # Errors
-            /// As `load`; [`RigError::UnknownName`] for a name that is not built in.
-            pub fn load_or_builtin(arg: &str) -> Result<$name, RigError> {
-                if is_path(arg) {
-                    $name::load(Path::new(arg))
-                } else {
-                    built_in($kind, arg, $name::from_toml)
-                }
-            }
-
-            #[doc = concat!("Names of the built-in ", $kind, "s.")]
-            pub fn builtin_names() -> Vec<&'static str> {
-                names($kind)
-            }
-
-            #[doc = concat!("The ", $kind, " as a file that reads back to itself.")]
-            pub fn to_toml(&self) -> String {
-                file(self)
-            }
-        }
-    };
-}
-
-of_files!(Plan, "plan", "`--plan`");
-of_files!(Target, "target", "`hydroline target`");
-of_files!(Board, "board", "`--board`");
 
 impl Plan {
+    /// Reads a plan file.
+    ///
+    /// # Errors
+    /// [`RigError::Unreadable`], or [`RigError::Invalid`] with everything wrong in the file.
+    pub fn load(path: &Path) -> Result<Plan, RigError> {
+        Plan::from_toml(&read_text(path)?, &path.display().to_string())
+    }
+
     /// Reads a plan from a text; a plan without a `name` is called after the file.
     ///
     /// # Errors
     /// [`RigError::Invalid`] with everything wrong in the text.
     pub fn from_toml(text: &str, file_name: &str) -> Result<Plan, RigError> {
-        let mut plan: Plan = parse(text, file_name, Problems::default())?;
+        let stem = Path::new(file_name.strip_prefix("builtin:").unwrap_or(file_name))
+            .file_stem()
+            .and_then(|s| s.to_str())
+            .filter(|s| is_name(s))
+            .unwrap_or("plan");
+        let problems = Problems::default();
+        let plan = read_document(file_name, text, &problems, |root| read_plan(root, stem));
+        let mut plan = problems.finish(file_name, plan)?;
         plan.source_toml = text.to_owned();
         Ok(plan)
     }
@@ -168,27 +126,111 @@ impl Plan {
     /// # Errors
     /// [`RigError::UnknownName`] with the names there are.
     pub fn builtin(name: &str) -> Result<Plan, RigError> {
-        built_in("plan", name, Plan::from_toml)
+        Plan::from_toml(builtin_text("plan", name)?, &format!("builtin:{name}"))
+    }
+
+    /// What `--plan` takes: the path of a file or the name of a built-in plan.
+    ///
+    /// # Errors
+    /// As [`Plan::load`] and [`Plan::builtin`].
+    pub fn load_or_builtin(arg: &str) -> Result<Plan, RigError> {
+        if is_path(arg) {
+            Plan::load(Path::new(arg))
+        } else {
+            Plan::builtin(arg)
+        }
+    }
+
+    /// Names of the built-in plans.
+    pub fn builtin_names() -> Vec<&'static str> {
+        names("plan")
+    }
+
+    /// The plan as a file that reads back to the same steps.
+    pub fn to_toml(&self) -> String {
+        effective::plan(self)
     }
 }
 
 impl Target {
+    /// Reads a target file.
+    ///
+    /// # Errors
+    /// [`RigError::Unreadable`], or [`RigError::Invalid`] with everything wrong in the file.
+    pub fn load(path: &Path) -> Result<Target, RigError> {
+        Target::from_toml(&read_text(path)?, &path.display().to_string())
+    }
+
     /// Reads a target from a text.
     ///
     /// # Errors
     /// [`RigError::Invalid`] with everything wrong in the text.
     pub fn from_toml(text: &str, file_name: &str) -> Result<Target, RigError> {
-        parse(text, file_name, Problems::default())
+        let problems = Problems::default();
+        let target = read_document(file_name, text, &problems, read_target);
+        problems.finish(file_name, target)
+    }
+
+    /// What `hydroline target` takes: the path of a file or the name of a built-in target.
+    ///
+    /// # Errors
+    /// As [`Target::load`]; [`RigError::UnknownName`] for a name that is not built in.
+    pub fn load_or_builtin(arg: &str) -> Result<Target, RigError> {
+        if is_path(arg) {
+            return Target::load(Path::new(arg));
+        }
+        Target::from_toml(builtin_text("target", arg)?, &format!("builtin:{arg}"))
+    }
+
+    /// Names of the built-in targets.
+    pub fn builtin_names() -> Vec<&'static str> {
+        names("target")
+    }
+
+    /// The target as a file that reads back to itself.
+    pub fn to_toml(&self) -> String {
+        effective::target_file(self)
     }
 }
 
 impl Board {
+    /// Reads a board file.
+    ///
+    /// # Errors
+    /// [`RigError::Unreadable`], or [`RigError::Invalid`] with everything wrong in the file.
+    pub fn load(path: &Path) -> Result<Board, RigError> {
+        Board::from_toml(&read_text(path)?, &path.display().to_string())
+    }
+
     /// Reads a board from a text.
     ///
     /// # Errors
     /// [`RigError::Invalid`] with everything wrong in the text.
     pub fn from_toml(text: &str, file_name: &str) -> Result<Board, RigError> {
-        parse(text, file_name, Problems::default())
+        let problems = Problems::default();
+        let board = read_document(file_name, text, &problems, read_board);
+        problems.finish(file_name, board)
+    }
+
+    /// What `--board` takes: the path of a file or the name of a built-in board.
+    ///
+    /// # Errors
+    /// As [`Board::load`]; [`RigError::UnknownName`] for a name that is not built in.
+    pub fn load_or_builtin(arg: &str) -> Result<Board, RigError> {
+        if is_path(arg) {
+            return Board::load(Path::new(arg));
+        }
+        Board::from_toml(builtin_text("board", arg)?, &format!("builtin:{arg}"))
+    }
+
+    /// Names of the built-in boards.
+    pub fn builtin_names() -> Vec<&'static str> {
+        names("board")
+    }
+
+    /// The board as a file that reads back to itself.
+    pub fn to_toml(&self) -> String {
+        effective::board_file(self)
     }
 }
 

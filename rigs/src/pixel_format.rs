@@ -117,24 +117,28 @@ impl PixelFormat {
         TABLE.into_iter().map(|(format, ..)| format)
     }
 
-    fn row(self) -> Option<Row> {
-        TABLE.into_iter().find(|(format, ..)| *format == self)
-    }
-
     /// Name in rigs and logs.
     pub fn name(self) -> &'static str {
-        self.row().map_or("PNG", |(_, name, _)| name)
+        TABLE
+            .iter()
+            .find(|(format, ..)| *format == self)
+            .map_or("PNG", |(_, name, _)| name)
     }
 
     /// V4L2's four characters.
     pub fn fourcc(self) -> [u8; 4] {
-        self.row().map_or(*b"PNG ", |(_, _, code)| code)
+        TABLE
+            .iter()
+            .find(|(format, ..)| *format == self)
+            .map_or(*b"PNG ", |(_, _, code)| *code)
     }
 
     /// The format of V4L2's four characters, if it is read.
     pub fn of_fourcc(code: [u8; 4]) -> Option<PixelFormat> {
-        let row = TABLE.into_iter().find(|(.., c)| *c == code);
-        row.map(|(format, ..)| format)
+        TABLE
+            .iter()
+            .find(|(.., c)| *c == code)
+            .map(|(format, ..)| *format)
     }
 
     /// Whether a frame's size in bytes does not follow from its size in pixels.
@@ -231,7 +235,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// With their names, in the order of the declaration.
+    /// With their names.
     pub const ALL: [(&'static str, Channel); 4] = [
         ("luma", Channel::Luma),
         ("red", Channel::Red),
@@ -241,7 +245,12 @@ impl Channel {
 
     /// Name in rigs and on the command line.
     pub fn name(self) -> &'static str {
-        Channel::ALL[self as usize].0
+        match self {
+            Channel::Luma => "luma",
+            Channel::Red => "red",
+            Channel::Green => "green",
+            Channel::Blue => "blue",
+        }
     }
 }
 
@@ -256,13 +265,16 @@ pub enum YuvRange {
 }
 
 impl YuvRange {
-    /// With their names, in the order of the declaration.
+    /// With their names.
     pub const ALL: [(&'static str, YuvRange); 2] =
         [("limited", YuvRange::Limited), ("full", YuvRange::Full)];
 
     /// Name in rigs.
     pub fn name(self) -> &'static str {
-        YuvRange::ALL[self as usize].0
+        match self {
+            YuvRange::Limited => "limited",
+            YuvRange::Full => "full",
+        }
     }
 }
 

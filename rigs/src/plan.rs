@@ -2,122 +2,107 @@
 
 mod check;
 mod evaluate;
-mod load;
 
-pub use load::{StepLoad, Wrench};
-
-use std::path::Path;
-
-use crate::raw::{Kind, Section, angle, is_name, keys_of, name, number, spellings, tables};
-use load::Load;
-
-shapes! {
-    /// How the load goes over the step: constant, in a line from that of the step before, as a sine, or as a sine of
-    /// rising or falling frequency.
-    pub enum Shape: Copy by "shape" or "hold" {
-        /// Constant.
-        Hold = "hold",
-        /// Linear from the previous step's final load to this one.
-        Ramp = "ramp",
-        /// load * sin(2 pi t / period_s + phase_rad), t from the step's start.
-        Sine = "sine" {
-            /// Period; of `shape = "sine"`.
-            period_s: f64 = number(0.004, 86_400.0, "s"),
-            /// Phase at the step's begin; of `shape = "sine"`.
-            phase_rad: f64 = angle(number(-360.0, 360.0, "deg")).or_deg(0.0),
-        },
-        /// load * sin of a linear sweep from f0_hz to f1_hz over the step.
-        Chirp = "chirp" {
-            /// Frequency at the step's begin; of `shape = "chirp"`.
-            f0_hz: f64 = number(0.0, 250.0, "Hz"),
-            /// Frequency at its end; of `shape = "chirp"`.
-            f1_hz: f64 = number(0.0, 250.0, "Hz"),
-        },
-    }
+/// A wrench in the body frame at the CG \[N, N m\], SNAME order.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Wrench {
+    /// X \[N\].
+    pub surge_n: f64,
+    /// Y \[N\].
+    pub sway_n: f64,
+    /// Z \[N\].
+    pub heave_n: f64,
+    /// K \[N m\].
+    pub roll_nm: f64,
+    /// M \[N m\].
+    pub pitch_nm: f64,
+    /// N \[N m\].
+    pub yaw_nm: f64,
 }
 
-table! {
-    /// A step: a load that the thrusters make for a time. At least one; each has `wrench` or `thrust_n`.
-    pub struct PlanStep as StepTyped, checked by foreign_keys {
-        /// How long the step lasts.
-        pub for_s: f64 = number(0.0, 86_400.0, "s").above(),
-        /// Shape over the step.
-        pub shape: Shape = keys_of(),
-        /// Load at full scale.
-        pub load: StepLoad = Load,
-    }
-}
+impl Wrench {
+    /// Names of the components in files, SNAME order.
+    pub const KEYS: [&'static str; 6] = [
+        "surge_n", "sway_n", "heave_n", "roll_nm", "pitch_nm", "yaw_nm",
+    ];
 
-fn foreign_keys(_: &mut StepTyped, s: &Section<'_>) {
-    let shape = s.item("shape");
-    let chosen = shape
-        .as_ref()
-        .map_or(Some("hold"), |item| item.value.as_str());
-    if !Shape::KEYS.iter().any(|(word, _)| Some(*word) == chosen) {
-        return;
+    /// The components in SNAME order \[N, N m\].
+    pub fn to_array(self) -> [f64; 6] {
+        [
+            self.surge_n,
+            self.sway_n,
+            self.heave_n,
+            self.roll_nm,
+            self.pitch_nm,
+            self.yaw_nm,
+        ]
     }
-    for (word, keys) in Shape::KEYS.iter().filter(|(word, _)| Some(*word) != chosen) {
-        for key in keys
-            .iter()
-            .flat_map(|key| spellings(key))
-            .filter(|key| s.has(key))
-        {
-            s.item(&key);
-            s.rule(
-                &key,
-                format!("belongs to shape = \"{word}\" only"),
-                format!("Set shape = \"{word}\" or remove {key}"),
-            );
+
+    /// From components in SNAME order \[N, N m\].
+    pub fn from_array([surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm]: [f64; 6]) -> Self {
+        Wrench {
+            surge_n,
+            sway_n,
+            heave_n,
+            roll_nm,
+            pitch_nm,
+            yaw_nm,
         }
     }
 }
 
-table! {
-    /// A checked plan: its name stands before all tables.
-    pub struct Plan as PlanTyped, checked by ramps {
-        /// Name of the plan.
-        pub name: String = name().later("the file's name"),
-        /// Steps.
-        key step: Vec<PlanStep> = tables(10_000) => |p| Some(p.steps.clone()),
-        /// Steps in order; after the last the load is zero.
-        made steps: Vec<PlanStep>,
-        /// The plan as typed, for the log.
-        made source_toml: String,
-    }
+/// How a step's load evolves over its duration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// Constant.
+    Hold,
+    /// Linear from the previous step's final load to this one.
+    Ramp,
+    /// load * sin(2 pi t / period_s + phase_rad), t from the step's start.
+    Sine {
+        /// Period \[s\].
+        period_s: f64,
+        /// Phase \[rad\].
+        phase_rad: f64,
+    },
+    /// load * sin of a linear sweep from f0_hz to f1_hz over the step.
+    Chirp {
+        /// Start frequency \[Hz\].
+        f0_hz: f64,
+        /// End frequency \[Hz\].
+        f1_hz: f64,
+    },
 }
 
-fn ramps(typed: &mut PlanTyped, s: &Section<'_>) {
-    typed.steps = typed.step.take();
-    typed.source_toml = Some(String::new());
-    if !s.has("name") {
-        typed.name = Some(called_after(s.file()));
-    }
-    let Some(steps) = &typed.steps else { return };
-    if steps.is_empty() {
-        s.missing(
-            "step",
-            "at least one [[step]] with `for_s` and `wrench` or `thrust_n`",
-        );
-    }
-    for (i, pair) in steps.windows(2).enumerate() {
-        let kinds = [&pair[0].load, &pair[1].load].map(std::mem::discriminant);
-        if pair[1].shape == Shape::Ramp && kinds[0] != kinds[1] {
-            s.rule(
-                &format!("step[{}].shape", i + 1),
-                "a ramp starts from the load of the step before, but one is a wrench and the other a thrust_n",
-                "Use wrench or thrust_n in both steps",
-            );
-        }
-    }
+/// What a step commands.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StepLoad {
+    /// A body wrench, allocated over the thrusters.
+    Wrench(Wrench),
+    /// Thrust per thruster name \[N\]; unnamed thrusters get 0.
+    ThrustN(Vec<(String, f64)>),
 }
 
-/// Name of a plan without one: that of its file.
-fn called_after(file: &str) -> String {
-    let path = Path::new(file.strip_prefix("builtin:").unwrap_or(file));
-    let stem = path.file_stem().and_then(|stem| stem.to_str());
-    stem.filter(|stem| is_name(stem))
-        .unwrap_or("plan")
-        .to_owned()
+/// One `[[step]]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanStep {
+    /// Duration \[s\].
+    pub for_s: f64,
+    /// Load at full scale.
+    pub load: StepLoad,
+    /// Shape over the step.
+    pub shape: Shape,
+}
+
+/// A checked plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Short name.
+    pub name: String,
+    /// Steps in order; after the last the load is zero.
+    pub steps: Vec<PlanStep>,
+    /// The plan as typed, for the log.
+    pub source_toml: String,
 }
 
 impl Plan {

@@ -1,35 +1,39 @@
 //! Files as typed.
 //!
-//! A file is its TOML tree with the place of every value ([`Document`], read through [`Section`]): a derive with
-//! `deny_unknown_fields` stops at the first mistake and does not distinguish a line from a range, whereas reading key
-//! by key reports all mistakes of a file at once, each with its line. What keys there are is declared beside the structs
-//! that are made of them ([`table!`]).
+//! The raw form of a file is its TOML tree with the place of every value
+//! ([`Document`], read through [`Section`]). A derive with `deny_unknown_fields`
+//! stops at the first mistake and does not distinguish a line from a range; reading the tree
+//! key by key reports all mistakes of a file at once, each with its line, and keeps
+//! a key's unit, range and default in the one place that reads it.
 
+mod asked;
+mod camera;
 mod document;
 mod include;
-mod kinds;
-#[macro_use]
-mod nested;
+mod laser;
+mod link;
+mod physics;
+mod plan;
 mod quantity;
+mod response;
+mod rig;
 mod section;
-#[macro_use]
-mod table;
-mod writer;
+mod settings;
+mod target;
+mod thruster;
+mod vehicle;
 
+pub(crate) use asked::{Asked, Need};
 use document::Document;
 pub(crate) use document::{Problems, read_document, read_text};
-pub(crate) use include::{Includes, included};
-pub(crate) use kinds::{
-    Columns, One, angle, angles, flag, interval, is_name, list, name, numbers, one, ordered, rows,
-    spellings, text, whole, words,
-};
-pub(crate) use nested::{keys_of, table, table_or_defaults, tables};
-pub(crate) use quantity::{Quantity, number};
-pub(crate) use section::{Item, Section};
-pub(crate) use table::{Kind, Table, kind_of};
-pub(crate) use writer::Writer;
-
-pub(crate) use crate::reference::Described;
+pub(crate) use include::Includes;
+pub(crate) use plan::read_plan;
+use quantity::{Quantity, quantity};
+pub(crate) use rig::read_rig;
+use section::Section;
+pub(crate) use section::is_name;
+pub(crate) use target::{read_board, read_target};
+pub(crate) use vehicle::axis_keys;
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

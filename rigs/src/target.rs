@@ -1,146 +1,102 @@
 //! What lies on the floor (target) and what stands in the sheet (calibration board).
 
-mod board;
-mod polygon;
-
-pub(crate) use board::NoPlace;
-pub use board::{Board, BoardPattern, GaugeBlock};
-
-use crate::raw::{Kind, Quantity, Section, angle, keys_of, name, number, numbers, tables, whole};
-use polygon::corners;
-
-/// A place in the target's frame.
-const fn place() -> Quantity {
-    number(-1000.0, 1000.0, "m")
+/// Outline of a flat slab seen from above, in the target frame (X along the centre line, Y to starboard).
+#[derive(Debug, Clone, PartialEq)]
+pub enum SlabOutline {
+    /// Rectangle X in \[x0, x1\], |Y| <= width/2.
+    Rectangle {
+        /// Start \[m\].
+        x0_m: f64,
+        /// End \[m\].
+        x1_m: f64,
+        /// Full width \[m\].
+        width_m: f64,
+    },
+    /// Regular hexagons end to end along X: joints (width = side) at x0 + k*sqrt(3)*side, widest (2*side) half way.
+    HexagonChain {
+        /// Start of the first hexagon \[m\].
+        x0_m: f64,
+        /// Side \[m\].
+        side_m: f64,
+        /// Number of hexagons.
+        count: u32,
+    },
+    /// Any simple polygon, vertices (X, Y) in order.
+    Polygon {
+        /// Vertices \[m\].
+        points_m: Vec<[f64; 2]>,
+    },
 }
 
-const fn size() -> Quantity {
-    number(0.0, 1000.0, "m").above()
+/// One flat layer: everything inside `outline` has its top at `top_m` above the floor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slab {
+    /// Name, e.g. `board`, `hexagons`.
+    pub name: String,
+    /// Outline seen from above.
+    pub outline: SlabOutline,
+    /// Height of its top above the floor \[m\].
+    pub top_m: f64,
+    /// Diffuse reflectance relative to the floor (1 = the same).
+    pub albedo: f64,
 }
 
-shapes! {
-    /// Its outline.
-    ///
-    /// Seen from above, in the target frame (X along the centre line, Y to starboard).
-    pub enum SlabOutline by "shape" {
-        /// Rectangle X in \[x0, x1\], |Y| <= width/2.
-        Rectangle = "rectangle" {
-            /// x of its start; of a rectangle and of a chain of hexagons.
-            x0_m: f64 = place(),
-            /// x of its end; of a rectangle.
-            x1_m: f64 = place(),
-            /// Width across the centre line; of a rectangle.
-            width_m: f64 = size(),
-        },
-        /// Regular hexagons end to end along X: joints (width = side) at x0 + k*sqrt(3)*side, widest (2*side) half way.
-        HexagonChain = "hexagon_chain" {
-            /// x of the start of the first hexagon.
-            x0_m: f64 = place(),
-            /// Side of each hexagon; of a chain of hexagons.
-            side_m: f64 = size(),
-            /// Number of hexagons; of a chain of hexagons.
-            count: u32 = whole(1, 1000, "hexagons"),
-        },
-        /// Any simple polygon.
-        Polygon = "polygon" {
-            /// 3 to 1000 corners in order round the outline; of a polygon.
-            points_m: Vec<[f64; 2]> = corners(place()),
-        },
-    }
+/// A target: slabs on the floor; where several overlap the highest counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Target {
+    /// Short name.
+    pub name: String,
+    /// Layers.
+    pub slabs: Vec<Slab>,
+    /// Position of the target's origin in the tank frame: X, Y \[m\] and its heading \[rad\].
+    pub origin: [f64; 3],
 }
 
-table! {
-    /// A flat-topped part of the target: an outline in the target's frame (x along its centre line, y to starboard) and a
-    /// height. At least one.
-    pub struct Slab as SlabTyped, checked by start_before_end {
-        /// Name of the slab.
-        pub name: String = name(),
-        /// Outline seen from above.
-        pub outline: SlabOutline = keys_of(),
-        /// Height of its top above the floor.
-        pub top_m: f64 = number(0.0, 10.0, "m").above(),
-        /// Brightness of its top, as a factor on that of the floor.
-        pub albedo: f64 = number(0.0, 10.0, "").or(1.0),
-    }
+/// Pattern of a calibration board.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BoardPattern {
+    /// Grid lines, line width \[m\].
+    Lines {
+        /// Line width \[m\].
+        line_m: f64,
+    },
+    /// Dots, diameter \[m\].
+    Dots {
+        /// Diameter \[m\].
+        diameter_m: f64,
+    },
+    /// Chessboard squares of the pitch's size.
+    Chessboard,
 }
 
-fn start_before_end(typed: &mut SlabTyped, s: &Section<'_>) {
-    if let Some(SlabOutline::Rectangle { x0_m, x1_m, .. }) = typed.outline
-        && x0_m >= x1_m
-    {
-        s.rule(
-            "x1_m",
-            format!("the slab ends at {x1_m} m, before its start at {x0_m} m"),
-            "Enter x0_m below x1_m",
-        );
-    }
+/// A raised gauge block of known height on a board (issue: coplanarity).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GaugeBlock {
+    /// Centre on the board \[m\].
+    pub centre_m: [f64; 2],
+    /// Size on the board \[m\].
+    pub size_m: [f64; 2],
+    /// Height above the board's face \[m\].
+    pub height_m: f64,
 }
 
-table! {
-    /// Where a target lies on the floor.
-    pub(crate) struct Placement: Copy as PlacementTyped {
-        /// Where the target's start lies: X and Y in the tank frame. Omitted: that of the file, or [0, 0].
-        pub origin_m: Option<[f64; 2]> = numbers(place()).optional(),
-        /// Angle of its centre line against the tank's x axis. Omitted: that of the file, or 0.
-        pub heading_rad: Option<f64> = angle(number(-360.0, 360.0, "deg")).optional(),
-    }
-}
-
-table! {
-    /// What lies on the floor, written out or by `file`; `target = "FILE"` is the same as `file` alone. A target file has
-    /// the same keys without the word target. Omitted: a bare floor.
-    ///
-    /// Where several slabs overlap the highest counts.
-    pub struct Target as TargetTyped, checked by slabs_and_place {
-        /// Name of the target.
-        pub name: String = name(),
-        key placement: Placement = keys_of() => |t| Some(t.placement()),
-        /// Layers.
-        key slab: Vec<Slab> = tables(256) => |t| Some(t.slabs.clone()),
-        /// Layers.
-        made slabs: Vec<Slab>,
-        /// Position of the target's origin in the tank frame: X, Y \[m\] and its heading \[rad\].
-        made origin: [f64; 3],
-    }
-}
-
-fn slabs_and_place(typed: &mut TargetTyped, s: &Section<'_>) {
-    if !s.has("slab") {
-        s.missing(
-            "slab",
-            "at least one [[slab]]; for a bare floor leave the target out of the rig",
-        );
-    }
-    let slabs = typed.slab.take().unwrap_or_default();
-    for (i, slab) in slabs.iter().enumerate() {
-        if slabs[..i].iter().any(|earlier| earlier.name == slab.name) {
-            s.rule(
-                &format!("slab[{i}].name"),
-                format!("the name {} is used twice", slab.name),
-                "Give every slab its own name",
-            );
-        }
-    }
-    typed.slabs = (!slabs.is_empty()).then_some(slabs);
-    typed.origin = typed.placement.map(|placement| {
-        let [x, y] = placement.origin_m.unwrap_or_default();
-        [x, y, placement.heading_rad.unwrap_or_default()]
-    });
-}
-
-impl Target {
-    fn placement(&self) -> Placement {
-        let [x, y, heading] = self.origin;
-        Placement {
-            origin_m: Some([x, y]),
-            heading_rad: Some(heading),
-        }
-    }
-
-    /// Lays it where a rig says; what the rig leaves out stays.
-    pub(crate) fn place(&mut self, placement: Placement) {
-        let [x, y, heading] = self.origin;
-        let [x, y] = placement.origin_m.unwrap_or([x, y]);
-        self.origin = [x, y, placement.heading_rad.unwrap_or(heading)];
-    }
+/// A calibration board: `columns` x `rows` nodes, `pitch_m` apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Board {
+    /// Short name.
+    pub name: String,
+    /// Pattern.
+    pub pattern: BoardPattern,
+    /// Nodes along xi.
+    pub columns: u32,
+    /// Nodes along eta.
+    pub rows: u32,
+    /// Node pitch \[m\] (Wang-Cheng: 0.050).
+    pub pitch_m: f64,
+    /// Margin around the outer nodes \[m\].
+    pub margin_m: f64,
+    /// Thickness \[m\].
+    pub thickness_m: f64,
+    /// Gauge blocks.
+    pub blocks: Vec<GaugeBlock>,
 }

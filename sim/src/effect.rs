@@ -67,6 +67,8 @@ mod speckle;
 mod stack;
 mod table;
 mod target_scale;
+#[cfg(test)]
+mod testing;
 mod tether_spring;
 mod thrust_asymmetry;
 mod thrust_line_offset;

@@ -82,7 +82,42 @@ impl<T: Real> Rail<T> {
     }
 }
 
-/// The inputs of one run.
+/// What an additional force may depend on.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<T> {
+    /// Time since the log's first stamp \[s\].
+    pub t_s: T,
+    /// Start of the current step, a plain number: what jumps in time decides by it \[s\].
+    pub step_start_s: f64,
+    /// Time of the last command edge \[s\].
+    pub edge_s: f64,
+    /// Position along the line \[m, rad\].
+    pub position: T,
+    /// Rate over ground \[m/s, rad/s\].
+    pub rate: T,
+    /// Commanded load in force \[N, N m\].
+    pub load: f64,
+    /// By how much the last command edge changed it \[N, N m\].
+    pub jump: f64,
+}
+
+/// Parameters that depend on where the motion is: on place, speed, load or time.
+pub trait Retune<T: Real> {
+    /// The effects for the step that starts at an instant; `None` = as they are.
+    fn at(&mut self, here: &Instant<T>) -> Option<&EffectStack<T>>;
+}
+
+/// Every parameter stays as it is.
+#[derive(Debug, Clone, Copy)]
+pub struct AsTheyAre;
+
+impl<T: Real> Retune<T> for AsTheyAre {
+    fn at(&mut self, _here: &Instant<T>) -> Option<&EffectStack<T>> {
+        None
+    }
+}
+
+/// What is fed to one run.
 #[derive(Debug, Clone, Copy)]
 pub struct Feed<'a> {
     /// First instant \[s\]; the state is given there.
@@ -119,6 +154,15 @@ pub struct Single<T: Real> {
     mass: [T; 6],
     line: Line,
     rail: Rail<T>,
+    states: usize,
+}
+
+/// The command in force.
+#[derive(Clone, Copy)]
+struct Driven {
+    load: f64,
+    edge_s: f64,
+    jump: f64,
 }
 
 #[derive(Clone, Copy)]
@@ -128,15 +172,13 @@ struct State<T> {
     own: [T; OWN_STATES_MAX],
 }
 
-/// The workspace of one run, kept from one evaluation of the slope to the next: clearing it costs more than the
+/// What an evaluation of the slope works on, kept from one to the next: clearing it costs more than the
 /// law of one DOF.
-struct Scratch<'a, T: Real> {
-    effects: &'a EffectStack<T>,
+struct Scratch<'a, T> {
     given: Option<&'a Given>,
-    /// Of it, the DOF's own component is the load in force.
-    load: [T; 6],
     eta: [T; 6],
     heading: (T, T),
+    load: [T; 6],
     nu: [T; 6],
     nu_r: [T; 6],
     mass: [T; 6],
@@ -154,23 +196,29 @@ impl<T: Real> Single<T> {
             hydrodynamics,
             rail: Rail::of(&line),
             line,
+            states: 0,
         }
     }
 
     /// Runs the motion; `emit` gets what an instrument reports of the position at each stamp.
     ///
-    /// A motion that grows without bounds, or effects with more than [`OWN_STATES_MAX`] own states, emit numbers that
+    /// `retune` may hand out another stack of the same effects for the step that starts at an instant;
+    /// `extra` is a force on top. A motion that grows
+    /// without bounds, or effects with more than [`OWN_STATES_MAX`] own states, emit numbers that
     /// are not finite.
     pub fn run(
-        &self,
+        &mut self,
         effects: &EffectStack<T>,
         feed: &Feed<'_>,
         start: (T, T),
+        retune: &mut impl Retune<T>,
+        extra: impl Fn(&Instant<T>) -> T,
         mut emit: impl FnMut(T),
     ) {
         let delay_s = effects.command_delay_s();
         let first = T::from_f64(feed.start_s);
-        if effects.states() > OWN_STATES_MAX {
+        self.states = effects.states();
+        if self.states > OWN_STATES_MAX {
             feed.stamps_s
                 .iter()
                 .for_each(|_| emit(T::from_f64(f64::NAN)));
@@ -188,7 +236,8 @@ impl<T: Real> Single<T> {
             .into_iter()
             .skip_while(|j| j.0.value() < feed.start_s)
             .peekable();
-        let mut scratch = self.scratch(effects, feed.given);
+        let me = &*self;
+        let mut scratch = me.scratch(feed.given);
         let mut state = State {
             position: start.0,
             rate: start.1,
@@ -196,88 +245,130 @@ impl<T: Real> Single<T> {
         };
         let mut stages = [state; 5];
         let mut now = first;
-        let step_max_s = longest_step_s(effects.fastest_s(), feed.step_max_s);
-        let mut advance = |scratch: &mut _, state: &mut _, now: &mut T, to: T| {
-            self.advance(scratch, &mut stages, state, (*now, to), step_max_s);
-            *now = to;
+        let mut driven = Driven {
+            load: 0.0,
+            edge_s: feed.start_s,
+            jump: 0.0,
         };
+        let step_max_s = longest_step_s(effects.fastest_s(), feed.step_max_s);
         for stamp_s in feed.stamps_s {
-            let seen_s = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
+            let plain = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
+            let seen_at = instant(plain, now.value(), &state, driven);
+            let seen_s = match retune.at(&seen_at) {
+                Some(other) => other.scene_time_s(T::from_f64(*stamp_s), 0.0),
+                None => plain,
+            };
             while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
-                advance(&mut scratch, &mut state, &mut now, t);
+                state = me.advance(
+                    (&mut scratch, &mut stages),
+                    effects,
+                    state,
+                    now,
+                    t,
+                    driven,
+                    step_max_s,
+                    retune,
+                    &extra,
+                );
+                now = t;
                 if let Some(new) = new {
-                    scratch.load[self.line.dof] = T::from_f64(new);
+                    driven = Driven {
+                        load: new,
+                        edge_s: t.value(),
+                        jump: new - driven.load,
+                    };
                 }
             }
             if seen_s.value() > feed.start_s {
-                advance(&mut scratch, &mut state, &mut now, seen_s);
+                state = me.advance(
+                    (&mut scratch, &mut stages),
+                    effects,
+                    state,
+                    now,
+                    seen_s,
+                    driven,
+                    step_max_s,
+                    retune,
+                    &extra,
+                );
+                now = seen_s;
             }
+            let effects = retune.at(&seen_at).unwrap_or(effects);
             emit(if effects.measures() {
-                let mut pose = self.rail.pose(state.position);
+                let mut pose = me.rail.pose(state.position);
                 if let Some(given) = feed.given {
-                    given.put(seen_s, &mut pose, &mut scratch.nu, self.line.dof > 1);
+                    given.put(seen_s, &mut pose, &mut scratch.nu, me.line.dof > 1);
                 }
                 let shown = effects.reported_pose(seen_s, effects.scene_pose(seen_s, pose));
-                self.line.along(&shown)
+                me.line.along(&shown)
             } else {
                 state.position
             });
         }
     }
 
-    /// Integrates `state` over an interval without edges, in equal steps of at most `step_max_s`.
+    #[allow(clippy::too_many_arguments)]
     fn advance(
         &self,
-        scratch: &mut Scratch<'_, T>,
-        stages: &mut [State<T>; 5],
-        state: &mut State<T>,
-        (from, to): (T, T),
+        (scratch, stages): (&mut Scratch<'_, T>, &mut [State<T>; 5]),
+        effects: &EffectStack<T>,
+        mut state: State<T>,
+        from: T,
+        to: T,
+        driven: Driven,
         step_max_s: f64,
-    ) {
+        retune: &mut impl Retune<T>,
+        extra: &impl Fn(&Instant<T>) -> T,
+    ) -> State<T> {
         let span = to - from;
         let count = (span.value() / step_max_s - 1e-9).ceil().max(1.0);
         let step = span * (1.0 / count);
         let half = step * 0.5;
         let sixth = step * (1.0 / 6.0);
-        let states = scratch.effects.states();
         let [k1, k2, k3, k4, next] = stages;
-        let stepped = |state: &State<T>, slope: &State<T>, step: T, next: &mut State<T>| {
-            next.position = state.position + slope.position * step;
-            next.rate = state.rate + slope.rate * step;
-            for i in 0..states {
-                next.own[i] = state.own[i] + slope.own[i] * step;
-            }
-        };
         for k in 0..count as usize {
             let t = from + step * k as f64;
-            let begin = T::from_f64(t.value());
-            let mut at = |t, s: &State<T>, k: &mut State<T>| self.slope(scratch, t, begin, s, k);
+            let begin = t.value();
+            let tuned = retune.at(&instant(t, begin, &state, driven));
+            let effects = tuned.unwrap_or(effects);
+            let mut at = |t: T, s: &State<T>, k: &mut State<T>| {
+                let here = instant(t, begin, s, driven);
+                self.slope(scratch, effects, &here, &s.own, extra, k);
+            };
             let middle = t + half;
-            at(t, state, k1);
-            stepped(state, k1, half, next);
+            at(t, &state, k1);
+            self.stepped(&state, k1, half, next);
             at(middle, next, k2);
-            stepped(state, k2, half, next);
+            self.stepped(&state, k2, half, next);
             at(middle, next, k3);
-            stepped(state, k3, step, next);
+            self.stepped(&state, k3, step, next);
             at(t + step, next, k4);
             state.position = state.position
                 + (k1.position + (k2.position + k3.position) * 2.0 + k4.position) * sixth;
             state.rate = state.rate + (k1.rate + (k2.rate + k3.rate) * 2.0 + k4.rate) * sixth;
-            for i in 0..states {
+            for i in 0..self.states {
                 state.own[i] =
                     state.own[i] + (k1.own[i] + (k2.own[i] + k3.own[i]) * 2.0 + k4.own[i]) * sixth;
             }
         }
+        state
     }
 
-    fn scratch<'a>(&self, effects: &'a EffectStack<T>, given: Option<&'a Given>) -> Scratch<'a, T> {
+    fn stepped(&self, state: &State<T>, slope: &State<T>, step: T, next: &mut State<T>) {
+        next.position = state.position + slope.position * step;
+        next.rate = state.rate + slope.rate * step;
+        for i in 0..self.states {
+            next.own[i] = state.own[i] + slope.own[i] * step;
+        }
+    }
+
+    fn scratch<'a>(&self, given: Option<&'a Given>) -> Scratch<'a, T> {
         let zero = [T::zero(); 6];
         Scratch {
-            effects,
             given,
-            load: zero,
             eta: self.rail.rest,
             heading: self.rail.rest[5].sin_cos(),
+            load: zero,
             nu: zero,
             nu_r: zero,
             mass: self.mass,
@@ -292,19 +383,19 @@ impl<T: Real> Single<T> {
     fn slope(
         &self,
         scratch: &mut Scratch<'_, T>,
-        t_s: T,
-        step_start_s: T,
-        state: &State<T>,
+        effects: &EffectStack<T>,
+        here: &Instant<T>,
+        own: &[T; OWN_STATES_MAX],
+        extra: &impl Fn(&Instant<T>) -> T,
         made: &mut State<T>,
     ) {
         let h = &self.hydrodynamics;
         let i = self.line.dof;
         let Scratch {
-            effects,
             given,
-            load,
             eta,
             heading,
+            load,
             nu,
             nu_r,
             mass,
@@ -313,22 +404,23 @@ impl<T: Real> Single<T> {
             force,
             nu_dot,
         } = scratch;
-        self.rail.put(state.position, eta);
+        self.rail.put(here.position, eta);
         if i == 5 {
-            *heading = state.position.sin_cos();
+            *heading = here.position.sin_cos();
         }
-        nu[i] = state.rate;
+        nu[i] = here.rate;
+        load[i] = T::from_f64(here.load);
         let companions = given.map(|g| {
             // x and y of the others are known beforehand unless they are the line itself.
-            g.put(t_s, eta, nu, i > 1);
+            g.put(here.t_s, eta, nu, i > 1);
             if g.places[5].is_some() {
                 *heading = eta[5].sin_cos();
             }
-            g.companions_at(t_s)
+            g.companions_at(here.t_s)
         });
         let mut m = Moment {
-            t_s,
-            step_start_s,
+            t_s: here.t_s,
+            step_start_s: T::from_f64(here.step_start_s),
             load,
             eta,
             heading,
@@ -338,9 +430,8 @@ impl<T: Real> Single<T> {
             hydrodynamics: h,
             companions: companions.as_ref(),
         };
-        let (own, own_rate) = (&state.own, &mut made.own);
-        let stateful = effects.states() > 0;
-        if stateful {
+        let own_rate = &mut made.own;
+        if self.states > 0 {
             *own_rate = [T::zero(); OWN_STATES_MAX];
         }
         // Only what some law may have written into is cleared.
@@ -352,7 +443,7 @@ impl<T: Real> Single<T> {
         if thrusts {
             *wrench = [T::zero(); 6];
         }
-        wrench[i] = load[i];
+        wrench[i] = T::from_f64(here.load);
         if thrusts {
             effects.thrust(&m, wrench, own, own_rate);
         }
@@ -372,12 +463,24 @@ impl<T: Real> Single<T> {
             effects.drag(&m, drag);
             effects.force(&m, own, force);
         }
-        nu_dot[i] = (wrench[i] + drag[i] + force[i]) / m.mass[i];
-        if stateful {
+        nu_dot[i] = (wrench[i] + drag[i] + force[i] + extra(here)) / m.mass[i];
+        if self.states > 0 {
             effects.own_rate(&m, nu_dot, own, own_rate);
         }
-        made.position = state.rate;
+        made.position = here.rate;
         made.rate = nu_dot[i];
+    }
+}
+
+fn instant<T: Real>(t_s: T, step_start_s: f64, state: &State<T>, driven: Driven) -> Instant<T> {
+    Instant {
+        t_s,
+        step_start_s,
+        edge_s: driven.edge_s,
+        position: state.position,
+        rate: state.rate,
+        load: driven.load,
+        jump: driven.jump,
     }
 }
 
@@ -428,7 +531,7 @@ mod tests {
             for (t, load) in EDGES {
                 path.command(t, [load, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
             }
-            let single = Single::new(
+            let mut single = Single::new(
                 Hydrodynamics::new(&vehicle),
                 Line {
                     dof: 0,
@@ -443,7 +546,14 @@ mod tests {
                 step_max_s: 0.04,
                 given: None,
             };
-            single.run(&stack(), &feed, (0.0, 0.0), |x| seen.push(x));
+            single.run(
+                &stack(),
+                &feed,
+                (0.0, 0.0),
+                &mut AsTheyAre,
+                |_| 0.0,
+                |x| seen.push(x),
+            );
             let mut turned = 0.0_f64;
             let mut worst = 0.0_f64;
             for (stamp, x) in stamps.iter().zip(&seen) {

@@ -7,7 +7,6 @@ pub mod equations;
 pub mod kinematics;
 
 use crate::real::Real;
-use hydroline_rigs::channel::Channel;
 use hydroline_rigs::{Vehicle, VehicleModel};
 
 /// Pose and body rates in SNAME order.
@@ -25,16 +24,6 @@ impl<T: Real> VehicleState<T> {
         VehicleState {
             eta,
             nu: [T::zero(); 6],
-        }
-    }
-
-    /// One of the twelve.
-    pub fn channel(&mut self, channel: Channel) -> &mut T {
-        let dof = channel.dof().index();
-        if channel.is_rate() {
-            &mut self.nu[dof]
-        } else {
-            &mut self.eta[dof]
         }
     }
 }

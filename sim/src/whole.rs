@@ -4,8 +4,6 @@
 //! carry derivatives. [`crate::trajectory`] answers in any order and takes late commands; this goes through once and
 //! keeps nothing, at half of its cost.
 
-use hydroline_rigs::channel::PerChannel;
-
 use crate::given::Given;
 use crate::model::{Model, ModelState};
 use crate::real::Real;
@@ -35,7 +33,7 @@ pub fn run<T: Real>(
     model: &Model<T>,
     course: &Course<'_>,
     start: ModelState<T>,
-    mut emit: impl FnMut(PerChannel<T>),
+    mut emit: impl FnMut([T; 12]),
 ) {
     let effects = &model.effects;
     let delay_s = effects.command_delay_s();
@@ -73,7 +71,10 @@ pub fn run<T: Real>(
             given.put(seen_s, eta, nu, false);
         }
         let pose = effects.reported_pose(seen_s, effects.scene_pose(seen_s, state.vehicle.eta));
-        emit(PerChannel::of_state(pose, state.vehicle.nu));
+        let nu = &state.vehicle.nu;
+        emit(std::array::from_fn(
+            |c| if c < 6 { pose[c] } else { nu[c - 6] },
+        ));
     }
 }
 

@@ -3,7 +3,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // a test
 
-use hydroline_rigs::channel::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::Model;
 use hydroline_sim::effect::{CheckedEffect, EffectStack, check, find};
@@ -74,7 +73,7 @@ fn positions(
             given: None,
         };
         run(&model, &course, ModelState::at_rest([0.0; 6]), |state| {
-            all.push(1e3 * state[Channel::X])
+            all.push(1e3 * state[0])
         });
     }
     DVector::from_vec(all)

@@ -12,8 +12,8 @@
 //! never fitted well makes no change). Evidence by Laplace's method over s (Gelman et al. 2013, ch. 13); beside the causes stand
 //! "nothing changed" (s fixed) and "something else" (θ_d free, with a broad prior).
 
-use crate::sheet::{Cause, Change, Coefficients, Number, What};
-use hydroline_core::run::Run;
+use crate::sheet::{Cause, Change, Coefficients, Number};
+use hydroline_identify::data::Run;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_identify::{
@@ -103,23 +103,27 @@ pub fn change(
         .ok_or("no coefficient is determined on both sides")?;
     let unchanged = chi2_as_is + compared.distance(&|_, v| v);
     let mut hypotheses = vec![
-        Hypothesis::fixed(What::Nothing, SAME.ln(), -0.5 * unchanged),
+        Hypothesis::fixed("", SAME.ln(), -0.5 * unchanged),
         compared.anything((1.0 - SAME).ln() + ELSE.ln(), chi2_as_is),
     ];
     let each = ((1.0 - SAME) * (1.0 - ELSE)).ln();
     let kinds = 3.0 + f64::from(u8::from(rig.thrusters.thrusters.len() > 1));
     let m = rig.vehicle.mass_kg;
-    let scaled = |ln: f64, apparent: Apparent, what: What, sd: f64| {
-        let objective = |s: f64| {
-            chi2_as_is + compared.distance(&|c, v| apparent(c, v, s, rig)) + (s / sd).powi(2)
-        };
-        let ln = ln - sd.ln() - 0.5 * TAU.ln();
-        Hypothesis::laplace(what, ln, &objective, 4.0 * sd)
+    let scaled = |ln: f64, what: Apparent, name: &str, unit: &str, sd: f64| {
+        let objective =
+            |s: f64| chi2_as_is + compared.distance(&|c, v| what(c, v, s, rig)) + (s / sd).powi(2);
+        Hypothesis::laplace(
+            name,
+            unit,
+            ln - sd.ln() - 0.5 * TAU.ln(),
+            &objective,
+            4.0 * sd,
+        )
     };
     let per_kind = each - kinds.ln();
-    hypotheses.push(scaled(per_kind, with_mass, What::Mass, MASS_SHARE * m));
-    hypotheses.push(scaled(per_kind, with_drag, What::Drag, LN_FACTOR).factor());
-    hypotheses.push(scaled(per_kind, with_thrust, What::Thrust, LN_FACTOR).factor());
+    hypotheses.push(scaled(per_kind, with_mass, "mass", "kg", MASS_SHARE * m));
+    hypotheses.push(scaled(per_kind, with_drag, "drag", "", LN_FACTOR).factor());
+    hypotheses.push(scaled(per_kind, with_thrust, "thrust", "", LN_FACTOR).factor());
     // A thruster that no run drives can be anything.
     let driven = driven(rig, load)?;
     let several: &[usize] = match driven.as_slice() {
@@ -138,8 +142,8 @@ pub fn change(
                 None => f64::INFINITY,
             }
         };
-        let what = What::Thruster(rig.thrusters.thrusters[k].name.clone());
-        Hypothesis::searched(what, ln, &objective, unchanged)
+        let name = format!("thruster {}", rig.thrusters.thrusters[k].name);
+        Hypothesis::searched(&name, ln, &objective, unchanged)
     }));
     Ok(conclude(date, since, &hypotheses, samples))
 }
@@ -390,13 +394,14 @@ impl Compared {
             }
             _ => f64::NEG_INFINITY,
         };
-        Hypothesis::fixed(What::Else, ln_prior, ln)
+        Hypothesis::fixed("something else", ln_prior, ln)
     }
 }
 
 /// A hypothesis with its log probability, not normalised.
 struct Hypothesis {
-    what: What,
+    what: String,
+    unit: String,
     value: f64,
     sd: f64,
     ln: f64,
@@ -405,9 +410,10 @@ struct Hypothesis {
 }
 
 impl Hypothesis {
-    fn fixed(what: What, ln_prior: f64, ln_likelihood: f64) -> Self {
+    fn fixed(what: &str, ln_prior: f64, ln_likelihood: f64) -> Self {
         Self {
-            what,
+            what: what.to_owned(),
+            unit: String::new(),
             value: f64::NAN,
             sd: f64::NAN,
             ln: ln_prior + ln_likelihood,
@@ -416,13 +422,20 @@ impl Hypothesis {
     }
 
     /// Laplace's method about the least of an objective J within ± `range`.
-    fn laplace(what: What, ln_prior: f64, objective: &dyn Fn(f64) -> f64, range: f64) -> Self {
+    fn laplace(
+        what: &str,
+        unit: &str,
+        ln_prior: f64,
+        objective: &dyn Fn(f64) -> f64,
+        range: f64,
+    ) -> Self {
         let (value, least) = golden(objective, [-range, range], 1e-4 * range);
-        Self::at(what, ln_prior, objective, value, least, 1e-3 * range)
+        Self::at(what, unit, ln_prior, objective, value, least, 1e-3 * range)
     }
 
     fn at(
-        what: What,
+        what: &str,
+        unit: &str,
         ln_prior: f64,
         objective: &dyn Fn(f64) -> f64,
         value: f64,
@@ -433,7 +446,8 @@ impl Hypothesis {
         let around = 0.5 * (objective(value - step) + objective(value + step)) - least;
         let sd = step / around.max(1e-12).sqrt();
         Self {
-            what,
+            what: what.to_owned(),
+            unit: unit.to_owned(),
             value,
             sd,
             ln: ln_prior - 0.5 * least + (sd * TAU.sqrt()).ln(),
@@ -442,7 +456,7 @@ impl Hypothesis {
     }
 
     /// The same where each value costs a fit: a parabola through three values, its vertex tried, and again.
-    fn searched(what: What, ln_prior: f64, objective: &dyn Fn(f64) -> f64, at_one: f64) -> Self {
+    fn searched(what: &str, ln_prior: f64, objective: &dyn Fn(f64) -> f64, at_one: f64) -> Self {
         let mut tried = vec![(1.0, at_one)];
         tried.extend(TRIED.map(|s| (s, objective(s))));
         for _ in 0..REFINED {
@@ -461,7 +475,8 @@ impl Hypothesis {
         // J about its least is (s - s0)² / sd²; wider than the prior it cannot be.
         let sd = (1.0 / curvature.max(1e-12).sqrt()).min(THRUSTER[1] - THRUSTER[0]);
         Self {
-            what,
+            what: what.to_owned(),
+            unit: String::new(),
             value,
             sd,
             ln: ln_prior - 0.5 * least + (sd * TAU.sqrt()).ln(),
@@ -521,6 +536,7 @@ fn conclude(date: &str, since: &[String], all: &[Hypothesis], samples: f64) -> C
             what: h.what.clone(),
             value: Some(h.value).filter(|v| v.is_finite()),
             sd: Some(h.sd).filter(|v| v.is_finite()),
+            unit: h.unit.clone(),
             probability: probability(h),
         })
         .collect();
@@ -558,15 +574,15 @@ fn sentence(date: &str, since: &[String], same: f64, causes: &[Cause]) -> String
     }
     let said = |c: &Cause| -> String {
         let (value, sd) = (c.value.unwrap_or(f64::NAN), c.sd.unwrap_or(f64::NAN));
-        match &c.what {
-            What::Mass if value > 0.0 => format!("+{} kg of mass", with_sd(value, sd)),
-            What::Mass => format!("{} kg of mass", with_sd(value, sd)),
-            What::Drag => format!("damping {} times", with_sd(value, sd)),
-            What::Thrust => format!("all thrust {} times", with_sd(value, sd)),
-            What::Nothing | What::Else => {
+        match c.what.as_str() {
+            "mass" if value > 0.0 => format!("+{} kg of mass", with_sd(value, sd)),
+            "mass" => format!("{} kg of mass", with_sd(value, sd)),
+            "drag" => format!("damping {} times", with_sd(value, sd)),
+            "thrust" => format!("all thrust {} times", with_sd(value, sd)),
+            "something else" => {
                 "a change that is none of mass, damping, thrust or one thruster".to_owned()
             }
-            What::Thruster(_) => format!("{} gives {} of its thrust", c.what, with_sd(value, sd)),
+            thruster => format!("{thruster} gives {} of its thrust", with_sd(value, sd)),
         }
     };
     match causes {
@@ -595,8 +611,13 @@ mod tests {
 
     #[test]
     fn the_least_of_a_parabola_has_its_sd() {
-        let found =
-            Hypothesis::laplace(What::Mass, 0.0, &|s| ((s - 0.3) / 0.05).powi(2) + 7.0, 4.0);
+        let found = Hypothesis::laplace(
+            "mass",
+            "kg",
+            0.0,
+            &|s| ((s - 0.3) / 0.05).powi(2) + 7.0,
+            4.0,
+        );
         assert!((found.value - 0.3).abs() < 1e-3 && (found.sd - 0.05).abs() < 1e-3);
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
     }
@@ -615,12 +636,7 @@ mod tests {
             let off = (s - 0.6) / 1e-3;
             off * off * (1.0 - 0.8 * (s - 0.6))
         };
-        let found = Hypothesis::searched(
-            What::Thruster("a".to_owned()),
-            0.0,
-            &objective,
-            objective(1.0),
-        );
+        let found = Hypothesis::searched("thruster a", 0.0, &objective, objective(1.0));
         assert!((found.value - 0.6).abs() < 3e-4, "{}", found.value);
         assert!((found.sd / 1e-3 - 1.0).abs() < 0.1, "{}", found.sd);
     }

@@ -4,7 +4,7 @@ use crate::evenly;
 use crate::sheet::{Coefficients, Motion};
 use crate::store::Store;
 use crate::table::{Row, word};
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
 use hydroline_report::{Axis, Colour, Figure, Panel};
 use std::collections::BTreeMap;
 
@@ -54,10 +54,10 @@ pub fn channels(
         };
         (span > 0.0 && over_noise > STILL).then_some((over_noise, *channel))
     };
-    let of = |all: [Channel; 6]| all.into_iter().filter_map(|c| far(&c.name())).collect();
-    let mut found: Vec<(f64, &str)> = of(Channel::POSES);
+    let (poses, rates) = CHANNELS.split_at(6);
+    let mut found: Vec<(f64, &str)> = poses.iter().filter_map(far).collect();
     if found.is_empty() {
-        found = of(Channel::RATES);
+        found = rates.iter().filter_map(far).collect();
     }
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     found.into_iter().take(DRAWN).map(|(_, c)| c).collect()

@@ -7,7 +7,7 @@ use crate::store::StoreError;
 use crate::table::{Row, Table as Rows, word};
 use crate::unit::Task;
 use crate::work::Campaign;
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
 use hydroline_report::{Axis, Body, Colour, Figure, Page, Panel, Table, significant};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -109,7 +109,7 @@ impl OfGroup {
                 *self.determined.entry(key.to_owned()).or_default() += 1;
             }
         }
-        for channel in Channel::ALL.map(Channel::name) {
+        for channel in CHANNELS {
             let least = value(row, &format!("least_{channel}"));
             let greatest = value(row, &format!("greatest_{channel}"));
             if let (Some(least), Some(greatest)) = (least, greatest) {
@@ -297,7 +297,7 @@ fn coverage(b: &mut Body, covered: &BTreeMap<&'static str, ([f64; 2], usize)>) {
         return;
     }
     let mut table = Table::new(["channel", "least", "greatest", "runs"]);
-    for channel in Channel::ALL.map(Channel::name) {
+    for channel in CHANNELS {
         if let Some(([least, greatest], runs)) = covered.get(channel) {
             table.row([
                 channel.to_owned(),

@@ -1,11 +1,10 @@
 //! What a unit of work finds: what is kept, and what the table and the page are made of.
 
-use hydroline_core::run::Run;
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_identify::Identification;
+use hydroline_identify::data::{CHANNELS, Run};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt;
 
 /// A coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -42,7 +41,7 @@ pub struct Coefficients {
     /// rms per run and channel of the fit to all runs, SI.
     pub rms: BTreeMap<String, BTreeMap<String, f64>>,
     /// rms per run and channel where the run is predicted by the others, SI.
-    pub leave_one_run_out_rms: BTreeMap<String, BTreeMap<String, f64>>,
+    pub held_out_rms: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
 impl Coefficients {
@@ -88,7 +87,7 @@ impl Coefficients {
                 .iter()
                 .map(|r| (r.name.clone(), r.rms.clone()))
                 .collect(),
-            leave_one_run_out_rms: found
+            held_out_rms: found
                 .cross_validation
                 .iter()
                 .map(|c| (c.run.clone(), c.left_out.clone()))
@@ -130,6 +129,17 @@ pub struct Diagnosed {
 }
 
 impl Diagnosed {
+    /// The word as tables have it.
+    pub fn word(&self) -> &'static str {
+        match self.verdict {
+            Word::None => "none",
+            Word::Named => "named",
+            Word::Ambiguous => "ambiguous",
+            Word::Unknown => "unknown",
+            Word::DataFault => "data_fault",
+        }
+    }
+
     /// Of a verdict.
     pub fn of(v: &Verdict) -> Self {
         let effects = v.effects.iter().map(|e| Effect {
@@ -143,9 +153,14 @@ impl Diagnosed {
                 .map(|(n, p)| (n.clone(), (p.value, p.sd)))
                 .collect(),
         });
-        let predicted = v.predicted();
-        let predicted =
-            predicted.map(|p| (p.channel.to_owned(), [Some(p.before), p.after, p.noise]));
+        let held = &v.fit.held_out;
+        let predicted = held.before.iter().map(|(channel, before)| {
+            let of = |table: &BTreeMap<String, f64>| table.get(channel).copied();
+            (
+                channel.clone(),
+                [Some(*before), of(&held.after), of(&held.noise)],
+            )
+        });
         Self {
             verdict: v.verdict,
             sentence: v.sentence.clone(),
@@ -180,11 +195,11 @@ impl Motion {
         let step = run.samples.len().div_ceil(MOTION_POINTS).max(1);
         let mut channels: BTreeMap<String, Vec<[f32; 2]>> = BTreeMap::new();
         for sample in run.samples.iter().step_by(step) {
-            for (channel, value) in sample.values.each() {
+            for (channel, value) in CHANNELS.iter().zip(sample.values) {
                 if value.is_finite() {
                     // Seven digits are more than a line on a page shows.
-                    let points = channels.entry(channel.name().to_owned()).or_default();
-                    points.push([sample.t_s as f32, *value as f32]);
+                    let points = channels.entry((*channel).to_owned()).or_default();
+                    points.push([sample.t_s as f32, value as f32]);
                 }
             }
         }
@@ -203,8 +218,8 @@ impl Motion {
 pub struct RunSheet {
     /// The file is whole and nothing in it is missing.
     pub sound: bool,
-    /// Findings worse than a note.
-    pub findings: Vec<Finding>,
+    /// Findings worse than a note, in words.
+    pub findings: Vec<String>,
     /// Frames that are not there.
     pub frames_lost: u64,
     /// Length \[s\].
@@ -238,63 +253,17 @@ pub struct SetSheet {
     pub outliers: Vec<(String, f64)>,
 }
 
-/// A finding of `doctor`, in words.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Finding {
-    /// The log is used beside others all the same.
-    Warning(String),
-    /// It is not.
-    Error(String),
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Warning(words) => f.write_str(words),
-            Self::Error(words) => write!(f, "error: {words}"),
-        }
-    }
-}
-
-/// What may have changed between two days.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum What {
-    /// Nothing.
-    Nothing,
-    /// A mass was added \[kg\].
-    Mass,
-    /// A factor on all damping.
-    Drag,
-    /// A factor on all thrusts.
-    Thrust,
-    /// The share of its thrust that the thruster of this name gives.
-    Thruster(String),
-    /// None of these.
-    Else,
-}
-
-impl fmt::Display for What {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Nothing => f.write_str("nothing"),
-            Self::Mass => f.write_str("mass"),
-            Self::Drag => f.write_str("drag"),
-            Self::Thrust => f.write_str("thrust"),
-            Self::Thruster(name) => write!(f, "thruster {name}"),
-            Self::Else => f.write_str("something else"),
-        }
-    }
-}
-
 /// One candidate for what changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
-    /// What it is.
-    pub what: What,
-    /// Its number; absent where it has none.
+    /// `mass`, `drag`, `thrust`, or `thruster NAME`.
+    pub what: String,
+    /// Its number: an added mass \[kg\], or a factor; absent where it has none.
     pub value: Option<f64>,
     /// Standard deviation.
     pub sd: Option<f64>,
+    /// `kg` or empty.
+    pub unit: String,
     /// Posterior probability among the candidates, nothing changed included.
     pub probability: f64,
 }

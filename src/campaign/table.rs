@@ -217,8 +217,7 @@ fn run(
     for (dof, load) in &sheet.largest_load {
         put(&mut row, &format!("load_{dof}"), *load);
     }
-    let findings = sheet.findings.iter();
-    let mut remarks: Vec<String> = findings.map(ToString::to_string).collect();
+    let mut remarks = sheet.findings.clone();
     fitted(&mut row, &sheet.identified, &mut remarks);
     diagnosed(&mut row, &sheet.diagnosed, &mut remarks);
     if let Some(ratio) = outliers.get(&log.name) {
@@ -260,7 +259,7 @@ fn changes(campaign: &Campaign<'_>, group: &Group, unit: &Unit) -> Vec<Row> {
                 put(&mut row, "sentence", change.sentence.as_str());
                 put(&mut row, "same_probability", change.same_probability);
                 if let Some(first) = change.causes.first() {
-                    put(&mut row, "cause", first.what.to_string());
+                    put(&mut row, "cause", first.what.as_str());
                     put(&mut row, "cause_probability", first.probability);
                     put(
                         &mut row,
@@ -325,7 +324,7 @@ fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec
             return;
         }
     };
-    put(row, "verdict", found.verdict.name());
+    put(row, "verdict", found.word());
     put(row, "sentence", found.sentence.as_str());
     let effects: Vec<String> = found
         .effects

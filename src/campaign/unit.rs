@@ -6,9 +6,9 @@ use crate::survey::{Found, Identity};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Versions of what a unit finds: a new number where the same build would find something else than before.
-const RUN: &str = "run/3";
-const SET: &str = "set/3";
-const CHANGES: &str = "changes/6";
+const RUN: &str = "run/2";
+const SET: &str = "set/2";
+const CHANGES: &str = "changes/5";
 
 /// What is to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,16 +4,14 @@ use crate::change::change;
 use crate::evenly;
 use crate::group::Group;
 use crate::overlay::motion_key;
-use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Finding, Motion, RunSheet, SetSheet};
+use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Motion, RunSheet, SetSheet};
 use crate::store::{Store, StoreError};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
-use hydroline_core::run::{Channel, Run};
-use hydroline_diagnose::{Source, diagnose, read};
-use hydroline_identify::data::{LoadError, load};
+use hydroline_diagnose::{diagnose, read};
+use hydroline_identify::data::{CHANNELS, LoadError, Run, load};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
-use hydroline_numerics::statistics::extent;
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 use rayon::prelude::*;
@@ -131,15 +129,15 @@ impl Campaign<'_> {
                 let worse = diagnosis.findings.iter().filter(|f| f.grade > Grade::Note);
                 sheet.findings = worse
                     .map(|f| {
-                        let words = format!("{}: {}", f.check, f.message);
-                        match f.grade {
-                            Grade::Error => Finding::Error(words),
-                            Grade::Warning | Grade::Note => Finding::Warning(words),
-                        }
+                        let grade = match f.grade {
+                            Grade::Error => "error: ",
+                            Grade::Warning | Grade::Note => "",
+                        };
+                        format!("{grade}{}: {}", f.check, f.message)
                     })
                     .collect();
             }
-            Err(e) => sheet.findings.push(Finding::Error(e.to_string())),
+            Err(e) => sheet.findings.push(format!("error: {e}")),
         }
         let mut path = found.path.clone();
         let run = match load(&path, &rig) {
@@ -172,7 +170,7 @@ impl Campaign<'_> {
                     .map(|(dof, load)| (dof.name().to_owned(), load))
                     .collect();
                 sheet.identified = identified(&[run], &rig, false);
-                sheet.diagnosed = diagnosed(&[(found.path.as_path(), path)], &rig);
+                sheet.diagnosed = diagnosed(&[path], &rig);
             }
         }
         Ok(sheet)
@@ -205,8 +203,7 @@ impl Campaign<'_> {
             let why = sheet.identified.err().unwrap_or_default();
             return Err(format!("{name}: {why}"));
         }
-        let mut findings = sheet.findings.iter();
-        if let Some(bad) = findings.find(|f| matches!(f, Finding::Error(_))) {
+        if let Some(bad) = sheet.findings.iter().find(|f| f.starts_with("error: ")) {
             return Err(format!("{name}: {bad}"));
         }
         Ok((
@@ -297,13 +294,10 @@ impl Campaign<'_> {
             })
             .collect();
         let identified = runs.and_then(|runs| identified(&runs, &rig, true));
-        let recorded = kept.iter();
-        let recorded: Vec<(&Path, PathBuf)> = recorded
-            .map(|(log, path)| (self.logs[*log].path.as_path(), path.clone()))
-            .collect();
-        let diagnosed = match recorded.is_empty() {
+        let paths: Vec<PathBuf> = kept.iter().map(|(_, path)| path.clone()).collect();
+        let diagnosed = match paths.is_empty() {
             true => Err("no run of this set can be used".to_owned()),
-            false => diagnosed(&recorded, &rig),
+            false => diagnosed(&paths, &rig),
         };
         Ok(SetSheet {
             runs: kept
@@ -383,16 +377,8 @@ fn identified(runs: &[Run], rig: &Rig, cross_validate: bool) -> Result<Coefficie
         .map_err(|e| e.to_string())
 }
 
-/// Of logs, each with where its motion stands: in itself, or in its replay.
-fn diagnosed(logs: &[(&Path, PathBuf)], rig: &Rig) -> Result<Diagnosed, String> {
-    let source = |(log, motion): &(&Path, PathBuf)| {
-        let source = read(motion, rig)?;
-        Ok(match motion == log {
-            true => source,
-            false => source.with_frames_of(log),
-        })
-    };
-    let sources: Result<Vec<Source>, LoadError> = logs.iter().map(source).collect();
+fn diagnosed(paths: &[PathBuf], rig: &Rig) -> Result<Diagnosed, String> {
+    let sources: Result<Vec<_>, _> = paths.iter().map(|p| read(p.as_path(), rig)).collect();
     let sources = sources.map_err(|e| e.to_string())?;
     let found = diagnose(&sources, &[], rig, &|_| ()).map_err(|e| e.to_string())?;
     Ok(Diagnosed::of(&found.verdict))
@@ -401,10 +387,15 @@ fn diagnosed(logs: &[(&Path, PathBuf)], rig: &Rig) -> Result<Diagnosed, String> 
 /// Least and greatest of what was measured.
 fn range(run: &Run) -> BTreeMap<String, [f64; 2]> {
     let mut found = BTreeMap::new();
-    for c in Channel::ALL {
-        let (low, high) = extent(run.measured(c));
-        if low <= high {
-            found.insert(c.name().to_owned(), [low, high]);
+    for (c, name) in CHANNELS.iter().enumerate() {
+        let values = run.samples.iter().map(|s| s.values[c]);
+        let range = values
+            .filter(|v| v.is_finite())
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
+                [low.min(v), high.max(v)]
+            });
+        if range[0] <= range[1] {
+            found.insert((*name).to_owned(), range);
         }
     }
     found
@@ -413,7 +404,7 @@ fn range(run: &Run) -> BTreeMap<String, [f64; 2]> {
 /// Runs that the others predict far worse than the median run, by the worst channel.
 fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
     let mut by_channel: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for (channel, rms) in found.leave_one_run_out_rms.values().flatten() {
+    for (channel, rms) in found.held_out_rms.values().flatten() {
         by_channel.entry(channel).or_default().push(*rms);
     }
     let medians: BTreeMap<&str, f64> = by_channel
@@ -421,7 +412,7 @@ fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
         .filter_map(|(c, mut rms)| Some((c, median(&mut rms)?)))
         .collect();
     let mut odd: Vec<(String, f64)> = found
-        .leave_one_run_out_rms
+        .held_out_rms
         .iter()
         .filter_map(|(run, rms)| {
             let ratio = rms

@@ -9,7 +9,9 @@ use std::cmp::Ordering;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, still_format, still_size};
+use hydroline_core::frame::{
+    Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource, still_format, still_size,
+};
 
 /// Endings of files that are taken for images.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -24,25 +26,45 @@ const FILE_MAX_BYTES: u64 = 1 << 30;
 
 /// Why a folder makes no frames.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum FolderError {
     /// The folder or one of its files cannot be read.
     #[error("{}: {source}; check that it can be read", path.display())]
-    Read { path: PathBuf, source: io::Error },
+    Read {
+        /// Folder or file.
+        path: PathBuf,
+        /// The system's words.
+        source: io::Error,
+    },
+    /// No image.
     #[error("{}: holds no images (.png, .jpg, .jpeg) among its {others} entries; name a folder with images", path.display())]
-    Empty { path: PathBuf, others: usize },
+    Empty {
+        /// The folder.
+        path: PathBuf,
+        /// Other entries.
+        others: usize,
+    },
     /// Nothing says when the frames were true.
     #[error(
         "{}: the images' names do not end with UNIX times in nanoseconds (the first is {first}), so nothing says when they were true: give --rate-hz, the frames in a second",
         path.display()
     )]
-    NoTimes { path: PathBuf, first: String },
+    NoTimes {
+        /// The folder.
+        path: PathBuf,
+        /// Name of the first image.
+        first: String,
+    },
     /// Two frames at one time, or time that goes back.
     #[error(
         "{}: the times in the names do not rise at {name}; rename it, or give --rate-hz to take the images in the order of their names",
         path.display()
     )]
-    Order { path: PathBuf, name: String },
+    Order {
+        /// The folder.
+        path: PathBuf,
+        /// The second of the two.
+        name: String,
+    },
 }
 
 /// A folder's images in the order of their names.
@@ -292,11 +314,19 @@ impl FolderFrames {
             stride_bytes: 0,
             data: bytes.into(),
             meta: FrameMeta {
+                sequence: place.sequence,
+                driver_stamp_ns: place.stamp_ns,
+                stamp_clock: StampClock::Realtime,
+                stamp_source: StampSource::MidExposure,
+                flags: 0,
+                received_monotonic_ns: 0,
+                mid_exposure_ns: place.stamp_ns,
+                exposure_s: 0.0,
+                fault: None,
                 lost_before: LossBefore {
                     sequence_gap: place.missing,
                     time_gap: 0,
                 },
-                ..FrameMeta::at(place.sequence, place.stamp_ns)
             },
         })
     }

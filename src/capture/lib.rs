@@ -5,20 +5,14 @@
 //! is computed on its own, so that the two can be compared.
 //!
 //! ```
-//! use hydroline_capture::sim::{Scene, SimCamera};
-//! use hydroline_capture::{CaptureError, Captured, FrameSource};
+//! use hydroline_capture::{Captured, FakeSource, FakeStep, FrameSource, SourceDescription};
 //! use hydroline_core::clock::ManualClock;
 //! use std::{sync::Arc, time::Duration};
 //!
-//! struct Dark;
-//! impl Scene for Dark {
-//!     fn image_at(&mut self, _t_s: f64, _index: u64) -> Result<Vec<u8>, CaptureError> {
-//!         Ok(vec![0; 720 * 576])
-//!     }
-//! }
-//! let camera = hydroline_rigs::Rig::builtin("lshpi")?.camera;
-//! let mut source = SimCamera::new(Dark, &camera, Arc::new(ManualClock::new(0, 0)));
-//! while !matches!(source.next(Duration::from_millis(10))?, Captured::Frame(_)) {}
+//! let silent = [FakeStep::Silence(Duration::from_millis(40))];
+//! let clock = Arc::new(ManualClock::new(0, 0));
+//! let mut source = FakeSource::new(clock, SourceDescription::default(), silent);
+//! while source.next(Duration::from_millis(10))? != Captured::Finished {}
 //! let counts = source.counts();
 //! assert_eq!(counts.received + counts.lost.total(), counts.expected);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -33,6 +27,7 @@ pub mod counts;
 pub mod description;
 pub mod devices;
 pub mod error;
+pub mod fake;
 pub mod folder;
 pub mod gaps;
 pub mod log;
@@ -43,6 +38,7 @@ pub mod v4l;
 pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
+pub use fake::{FakeSource, FakeStep};
 pub use folder::{FolderError, FolderFrames, ImageFolder};
 pub use log::LogSource;
 pub use v4l::{OpenOptions, V4lSource};

@@ -556,4 +556,6 @@ fn exposure_s(setup: &Setup, camera: &Camera) -> f64 {
 }
 
 #[cfg(test)]
+mod fake_kernel;
+#[cfg(test)]
 mod tests;

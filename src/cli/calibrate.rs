@@ -318,7 +318,11 @@ fn finish(
     } else {
         out!("{report}");
     }
-    Ok(Outcome::of(collected.refused_images > 0))
+    Ok(if collected.refused_images > 0 {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
 }
 
 #[cfg(test)]

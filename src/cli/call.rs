@@ -71,6 +71,9 @@ pub enum CallError {
 
 /// Runs a command on this thread, whose listener gets what it says. `words` are those of the command line after the
 /// program's name.
+///
+/// # Errors
+/// [`CallError`].
 pub fn call(words: Vec<OsString>, build: BuildInfo) -> Result<Outcome, CallError> {
     let name = std::iter::once(OsString::from("hydroline"));
     let mut program = command(build);

@@ -99,9 +99,18 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 }
 
 fn finding(what: &'static str, result: Result<String, String>) -> Finding {
-    let ok = result.is_ok();
-    let words = result.unwrap_or_else(|why| why);
-    Finding { what, ok, words }
+    match result {
+        Ok(words) => Finding {
+            what,
+            ok: true,
+            words,
+        },
+        Err(words) => Finding {
+            what,
+            ok: false,
+            words,
+        },
+    }
 }
 
 /// Opens the camera as a recording would, and waits for a good frame.
@@ -240,7 +249,11 @@ fn clock() -> Finding {
         )
     };
     // Stamps within one log need no time server: worth saying, no reason not to record.
-    finding("clock", Ok(words))
+    Finding {
+        what: "clock",
+        ok: true,
+        words,
+    }
 }
 
 fn disk(rig: &Rig, args: &Args) -> Finding {

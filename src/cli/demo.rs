@@ -1,6 +1,5 @@
 //! `hydroline demo`: the main job end to end on the built-in rig, without hardware.
 
-use super::diagnose::{self, cell};
 use super::output::Output;
 use super::print::outln;
 use super::record::Recording;
@@ -8,13 +7,12 @@ use super::{CliError, Outcome, inputs, progress};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::run::Run;
 use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::StopReason;
 use hydroline_daemon::record::{Report, floor};
 use hydroline_daemon::replay::{self, replay};
-use hydroline_diagnose::{Source, read};
-use hydroline_identify::data::{Start, load};
+use hydroline_diagnose::{Source, diagnose, read};
+use hydroline_identify::data::{Run, Start, load};
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::problem::Objective;
 use hydroline_identify::{ModelChoice, Options, identify};
@@ -24,6 +22,7 @@ use hydroline_pose::run::PoseRun;
 use hydroline_report::significant;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_stripe::{Extractor, ExtractorConfig, annotate};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -73,7 +72,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     }
     let stripes: Vec<PathBuf> = PLANS.iter().map(|n| stripes(&args.out, n)).collect();
     identified(&rig, &stripes)?;
-    diagnosed(&rig, &args.out)?;
+    diagnosed(&rig, &stripes, &args.out)?;
     outln!();
     outln!("Everything is in {}. Look closer:", args.out.display());
     outln!(
@@ -85,7 +84,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         args.out.join("surge-8n.mcap").display()
     );
     outln!("  or open the .mcap files in Foxglove: /camera/image with /camera/annotations over it");
-    Ok(Outcome::of(lossy))
+    Ok(if lossy { Outcome::Lossy } else { Outcome::Done })
 }
 
 /// The log that a run is replayed into: stripes and poses, no images.
@@ -122,29 +121,25 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
 }
 
 /// What that model left out.
-fn diagnosed(rig: &Rig, out: &Path) -> Result<(), CliError> {
-    let run = |name: &&str| -> Result<Source, CliError> {
-        let recorded = out.join(format!("{name}.mcap"));
-        Ok(read(&stripes(out, name), rig)?.with_frames_of(&recorded))
-    };
-    let sources: Result<Vec<Source>, _> = PLANS.iter().map(run).collect();
+fn diagnosed(rig: &Rig, stripes: &[PathBuf], out: &Path) -> Result<(), CliError> {
+    let sources: Result<Vec<Source>, _> = stripes.iter().map(|p| read(p, rig)).collect();
     let stages = progress::Stages::begin("diagnosing");
-    let found = hydroline_diagnose::diagnose(&sources?, &[], rig, &|what: &str| stages.tell(what));
+    let found = diagnose(&sources?, &[], rig, &|what: &str| stages.tell(what));
     drop(stages);
     let found = found?;
-    let page = diagnose::write_report(Output::default(), out, &found, "hydroline demo")?;
+    let page =
+        super::diagnose::write_report(Output::default(), out, &found, None, "hydroline demo")?;
     let rig_file = out.join("rig-with-what-was-left-out.toml");
     Output::default().write(&rig_file, found.rig.to_toml())?;
     outln!();
     outln!("diagnose: {}", found.verdict.sentence);
-    for p in found.verdict.predicted() {
+    for (channel, before) in &found.verdict.fit.held_out.before {
+        let of = |m: &BTreeMap<String, f64>| m.get(channel).copied().unwrap_or(f64::NAN);
         outln!(
-            "  {}, {}: rms {:.2e} before, {} after, noise {}",
-            p.channel,
-            p.by,
-            p.before,
-            cell(p.after),
-            cell(p.noise)
+            "  {channel}, {}: rms {before:.2e} before, {:.2e} after, noise {:.2e}",
+            found.verdict.fit.held_out_by,
+            of(&found.verdict.fit.held_out.after),
+            of(&found.verdict.fit.held_out.noise)
         );
     }
     outln!("  {}", page.display());

@@ -6,9 +6,10 @@ use super::output::Output;
 use super::print::{self, errln, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, call, inputs};
+use hydroline_diagnose::profiles::{Findings, level};
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_diagnose::{Beside, Diagnosis, Part, Source, diagnose_beside, read, report};
-use hydroline_identify::data::check_vehicle;
+use hydroline_identify::data::{LoadError, check_vehicle};
 use hydroline_report::significant;
 use hydroline_rigs::{Dof, Rig};
 
@@ -103,25 +104,46 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     let stages = Stages::begin("diagnosing");
     let tell = |what: &str| stages.tell(what);
+    // What the images show comes first: it needs no pose.
+    let mut logs: Vec<PathBuf> = args.logs.iter().map(|p| p.path.clone()).collect();
+    logs.dedup();
+    let images = level(&logs, &rig, &tell)?;
     let load = |parts: &[Part]| -> Result<Vec<Source>, CliError> {
-        let read = |part: &Part| {
-            let mut source = read(part.clone(), &rig)?;
-            for fault in &mut source.faults {
-                fault.fatal &= !args.accept_faults;
+        let mut sources = Vec::new();
+        for part in parts {
+            match read(part.clone(), &rig) {
+                Ok(mut source) => {
+                    for fault in &mut source.faults {
+                        fault.fatal &= !args.accept_faults;
+                    }
+                    sources.push(source);
+                }
+                // Frames alone are what the image level is for.
+                Err(LoadError::NoMotion { .. }) if images.is_some() => {}
+                Err(error) => return Err(error.into()),
             }
-            Ok(source)
-        };
-        parts.iter().map(read).collect()
-    };
-    let beside = Beside {
-        given: &args.given,
-        ..Beside::default()
+        }
+        Ok(sources)
     };
     let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
-    let found = diagnose_beside(&sources, &held, &rig, &beside, &tell)?;
+    let found = match &images {
+        Some(images) if sources.is_empty() => images.alone(&rig),
+        _ => {
+            let beside = Beside {
+                given: &args.given,
+                ..Beside::default()
+            };
+            let mut found = diagnose_beside(&sources, &held, &rig, &beside, &tell)?;
+            if let Some(images) = &images {
+                images.join(&mut found.verdict);
+                found.rig.physics.extend(images.entries.iter().cloned());
+            }
+            found
+        }
+    };
     drop(stages);
     if let Some(dir) = &args.report {
-        let page = write_report(args.output, dir, &found, &command())?;
+        let page = write_report(args.output, dir, &found, images.as_ref(), &command())?;
         errln!("{}", page.display());
     }
     if let Some(path) = &args.write_rig {
@@ -141,7 +163,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     } else {
         print(&found.verdict);
     }
-    call::offer(move || report::pages(&found, "hydroline.diagnose").page.html());
+    call::offer(move || {
+        page(&found, images.as_ref(), "hydroline.diagnose")
+            .page
+            .html()
+    });
     Ok(Outcome::Done)
 }
 
@@ -153,14 +179,24 @@ const REPORT_FILES: [&str; 4] = [
     "next.toml",
 ];
 
+/// The report, with what the images show.
+fn page(found: &Diagnosis, images: Option<&Findings>, command: &str) -> report::Pages {
+    let mut pages = report::pages(found, command);
+    if let Some(images) = images {
+        pages.page.body.append(images.section.clone());
+    }
+    pages
+}
+
 /// Page, figure, verdict and next plan into a folder; the page's path.
 pub(super) fn write_report(
     output: Output,
     dir: &Path,
     found: &Diagnosis,
+    images: Option<&Findings>,
     command: &str,
 ) -> Result<PathBuf, CliError> {
-    let pages = report::pages(found, command);
+    let pages = page(found, images, command);
     let json = serde_json::to_string_pretty(&found.verdict)?;
     let mut files = vec![
         ("diagnose.html", pages.page.html()),
@@ -209,21 +245,14 @@ fn changed(before: &Rig, after: &Rig) -> String {
     parts.join("; ")
 }
 
-/// Effects that a sentence names of those that the runs cannot show.
-const NAMED: usize = 4;
-
-/// What these runs cannot show, in a sentence.
-fn blind(spots: &[String]) -> String {
-    let named = spots[..spots.len().min(NAMED)].join("; ");
-    match spots.len() - spots.len().min(NAMED) {
-        0 => format!("these runs cannot show {named}"),
-        more => format!("these runs cannot show {named}; and {more} more (--json names them)"),
-    }
-}
-
-/// A number of a table; "-" = there is none.
-pub(super) fn cell(value: Option<f64>) -> String {
-    value.map_or("-".to_owned(), |v| format!("{v:.3e}"))
+/// Effects that the runs cannot show, with their DOFs where several move.
+fn blind(v: &Verdict) -> Vec<String> {
+    let several = v.unnamed.len() > 1;
+    let named = |id: &String| match v.blind_dofs.get(id) {
+        Some(dofs) if several => format!("{id} ({})", dofs.join(", ")),
+        _ => id.clone(),
+    };
+    v.blind_spots.iter().map(named).collect()
 }
 
 pub(super) fn print(v: &Verdict) {
@@ -261,12 +290,12 @@ pub(super) fn print(v: &Verdict) {
         }
     }
     for u in &v.unexplained {
-        let odds = u
-            .log_bayes_factor
-            .map(|f| format!("log Bayes factor {f:.1}"));
-        let weight = u.weight.map(|w| format!("weight {w:.2e}"));
-        let numbers: Vec<String> = weight.into_iter().chain(odds).collect();
-        outln!("  unnamed: {} ({})", u.term, numbers.join(", "));
+        outln!(
+            "  unnamed: {} (weight {:.2e}, log Bayes factor {:.1})",
+            u.term,
+            u.weight,
+            u.log_bayes_factor
+        );
     }
     let open = v.candidates.iter().filter(|c| {
         (0.05..0.95).contains(&c.probability) && v.effects.iter().all(|e| e.effect != c.effect)
@@ -280,20 +309,31 @@ pub(super) fn print(v: &Verdict) {
     if v.verdict != Word::None {
         outln!("  where: {}", v.place.regime);
     }
-    for p in v.predicted() {
+    for (channel, before) in &v.fit.held_out.before {
         outln!(
-            "  {} predicted ({}): {:.3e} before, {} after, noise {}",
-            p.channel,
-            p.by,
-            p.before,
-            cell(p.after),
-            cell(p.noise)
+            "  {channel} predicted ({}): {before:.3e} before, {:.3e} after, noise {:.3e}",
+            v.fit.held_out_by,
+            v.fit
+                .held_out
+                .after
+                .get(channel)
+                .copied()
+                .unwrap_or(f64::NAN),
+            v.fit
+                .held_out
+                .noise
+                .get(channel)
+                .copied()
+                .unwrap_or(f64::NAN)
         );
     }
     for pair in v.ablation.windows(2) {
-        for (channel, after) in &pair[1].predicted {
-            let before = cell(pair[0].predicted.get(channel).copied());
-            outln!("  + {}: {channel} {before} -> {after:.3e}", pair[1].effect);
+        for (channel, after) in &pair[1].held_out {
+            let before = pair[0].held_out.get(channel).copied().unwrap_or(f64::NAN);
+            outln!(
+                "  + {}: {channel} {before:.3e} -> {after:.3e}",
+                pair[1].effect
+            );
         }
     }
     for f in &v.data_faults {
@@ -306,7 +346,7 @@ pub(super) fn print(v: &Verdict) {
         );
     }
     if !v.blind_spots.is_empty() {
-        outln!("  {}", blind(&v.blind_spots));
+        outln!("  these runs cannot show: {}", blind(v).join(", "));
     }
     if let Some(next) = &v.next_experiment {
         let reason = match next.reason.as_str() {

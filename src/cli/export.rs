@@ -102,7 +102,11 @@ fn places(args: &Args, many: &Many) -> Result<Results, CliError> {
         false => name.with_extension(""),
     };
     match (&args.out, many.single) {
-        (Some(out), true) => Ok(many.each_to(|_| out.clone())),
+        (Some(out), true) => Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), out.clone()))
+            .collect()),
         (Some(out), false) => {
             if out.exists() && !out.is_dir() {
                 return Err(is_a_file(out));
@@ -110,7 +114,11 @@ fn places(args: &Args, many: &Many) -> Result<Results, CliError> {
             inputs::folder("--out", out)?;
             many.results(out, ended)
         }
-        (None, _) => Ok(many.each_to(ended)),
+        (None, _) => Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), ended(log)))
+            .collect()),
     }
 }
 
@@ -224,7 +232,10 @@ fn report(
             Ok(Outcome::Done)
         }
         Made::Files(exported) => {
-            let outcome = Outcome::of(exported.frames_undecodable > 0);
+            let outcome = match exported.frames_undecodable {
+                0 => Outcome::Done,
+                _ => Outcome::Lossy,
+            };
             if args.json {
                 many.json(log, exported)?;
                 return Ok(outcome);

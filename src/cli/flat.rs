@@ -302,7 +302,7 @@ pub(super) struct Printed<'a> {
     /// Levels between which the curve was looked at \[grey levels\].
     levels: [f64; 2],
     /// Smooth deviation of the levels from the curve.
-    deviation: flat::Deviation,
+    deviation: Deviation,
     /// Scatter of the exposures about their times, as a share of the light.
     scatter_share: f64,
     /// χ² per degree of freedom of the places about the curve.
@@ -315,6 +315,19 @@ pub(super) struct Printed<'a> {
     remarks: &'a [String],
     /// The table `[camera.response]` for the rig file.
     toml: String,
+}
+
+/// What of the levels is no power of light.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Deviation {
+    /// Root mean square over the levels \[grey levels\].
+    rms_levels: f64,
+    /// Largest size \[grey levels\].
+    most_levels: f64,
+    /// Level where that is \[grey levels\].
+    at_levels: f64,
+    /// χ² of having any, and its degrees of freedom.
+    chi2: [f64; 2],
 }
 
 /// An exposure.
@@ -341,13 +354,19 @@ fn printed<'a>(exposures: &'a [Exposure], found: &'a Flat, stated: &StatedRespon
             .find(|(name, _)| *name == e.name)
             .map(|(_, share)| *share),
     };
+    let d = &found.deviation;
     Printed {
         gamma: found.gamma,
         black_levels: found.black_levels,
         gamma_black_correlation: found.correlation,
         ceiling_levels: found.ceiling_levels,
         levels: found.levels,
-        deviation: found.deviation,
+        deviation: Deviation {
+            rms_levels: d.rms_levels,
+            most_levels: d.most_levels,
+            at_levels: d.at_levels,
+            chi2: d.chi2,
+        },
         scatter_share: found.scatter,
         chi2_per_freedom: found.chi2,
         places: found.blocks,

@@ -10,11 +10,12 @@ use super::output::Output;
 use super::print::{self, errln, out, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, call, inputs};
-use hydroline_core::run::Run;
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
+use hydroline_identify::cmaes::Cmaes;
 use hydroline_identify::curve;
-use hydroline_identify::data::{STILL_MIN_S, Start, check_vehicle, is_still, load};
+use hydroline_identify::data::{Run, STILL_MIN_S, Start, check_vehicle, is_still, load};
+use hydroline_identify::ga::Genetic;
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::method::{Method, MethodError, Solution};
 use hydroline_identify::parameter::Coefficient;
@@ -28,10 +29,8 @@ enum Search {
     /// Levenberg-Marquardt with restarts: well under a second
     Lm,
     /// Evolution strategy with covariance adaptation: minutes
-    #[cfg(feature = "lab")]
     Cmaes,
     /// The paper's genetic algorithm (500 candidates, 2000 generations, best of ten): hours with several runs
-    #[cfg(feature = "lab")]
     Ga,
 }
 
@@ -269,15 +268,18 @@ fn fitted(
     fixed: Vec<Coefficient>,
 ) -> Result<Identification, CliError> {
     let runs = runs(args, rig)?;
-    let method: Box<dyn Method> = match args.method {
-        Search::Lm => Box::new(LevenbergMarquardt::default()),
-        #[cfg(feature = "lab")]
-        Search::Cmaes => Box::new(hydroline_lab::cmaes::Cmaes::default()),
-        #[cfg(feature = "lab")]
-        Search::Ga => Box::new(hydroline_lab::ga::Genetic::default()),
+    let (lm, cmaes, ga) = (
+        LevenbergMarquardt::default(),
+        Cmaes::default(),
+        Genetic::default(),
+    );
+    let method: &dyn Method = match args.method {
+        Search::Lm => &lm,
+        Search::Cmaes => &cmaes,
+        Search::Ga => &ga,
     };
     let stages = Stages::begin("identifying");
-    let method = &Watched(&*method, &stages);
+    let method = &Watched(method, &stages);
     let options = Options {
         model,
         method,

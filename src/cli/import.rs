@@ -229,5 +229,9 @@ fn write(
             );
         }
     }
-    Ok(Outcome::of(found.has_faults() || outcome.lost.total() > 0))
+    Ok(if found.has_faults() || outcome.lost.total() > 0 {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
 }

@@ -45,13 +45,11 @@ mod plan;
 mod predict;
 mod print;
 mod progress;
-#[cfg(feature = "lab")]
 mod prove;
 mod record;
 pub mod reference;
 mod remembered;
 mod replay;
-#[cfg(feature = "lab")]
 mod reproduce;
 mod rig;
 mod rigging;
@@ -69,6 +67,9 @@ use std::process::ExitCode;
 pub use outcome::{CliError, Outcome, exit_code};
 
 /// A rig by file or built-in name, checked as every command does.
+///
+/// # Errors
+/// [`CliError::Config`].
 pub fn load_rig(argument: &str) -> Result<hydroline_rigs::Rig, CliError> {
     inputs::rig(argument)
 }
@@ -194,12 +195,10 @@ Examples:
     /// A plan rendered without hardware: same seed, same bytes
     Simulate(simulate::Args),
     /// The paper's tables, computed and printed beside its numbers
-    #[cfg(feature = "lab")]
     Reproduce(reproduce::Args),
     /// Many logs: grouped, examined, fitted, compared
     Campaign(campaign::Args),
     /// Sealed cases, diagnosed blind, beside an ideal observer
-    #[cfg(feature = "lab")]
     Prove(prove::Args),
     /// Completions of commands and flags for a shell
     Completions(completions::Args),
@@ -274,10 +273,8 @@ impl Cli {
             Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),
             Command::Simulate(args) => simulate::run(&args, build),
-            #[cfg(feature = "lab")]
             Command::Reproduce(args) => reproduce::run(&args),
             Command::Campaign(args) => campaign::run(&args, build),
-            #[cfg(feature = "lab")]
             Command::Prove(args) => prove::run(&args, build),
             Command::Completions(args) => completions::run(&args, build),
             Command::Man(args) => man::run(&args, build),

@@ -223,7 +223,10 @@ pub fn doctor(args: &DoctorArgs) -> Result<Outcome, CliError> {
             true => many.json(log, &diagnosis)?,
             false => out!("{diagnosis}"),
         }
-        Ok(Outcome::of(!diagnosis.complete()))
+        Ok(match diagnosis.complete() {
+            true => Outcome::Done,
+            false => Outcome::Lossy,
+        })
     };
     let refused = many.refused_line(args.json);
     many.each(rayon::current_num_threads(), of, report, refused)
@@ -236,5 +239,9 @@ pub fn recover(args: &RecoverArgs, build: BuildInfo) -> Result<Outcome, CliError
         true => print::json(&recovery)?,
         false => out!("{recovery}"),
     }
-    Ok(Outcome::of(recovery.lossy))
+    Ok(if recovery.lossy {
+        Outcome::Lossy
+    } else {
+        Outcome::Done
+    })
 }

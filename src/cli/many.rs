@@ -87,12 +87,6 @@ impl Many {
         })
     }
 
-    /// Each log's result in the place that `place` names.
-    pub fn each_to(&self, place: impl Fn(&Path) -> PathBuf) -> Results {
-        let logs = self.logs.iter();
-        logs.map(|log| (log.clone(), place(log))).collect()
-    }
-
     /// Where each log's result goes in a folder for all of them, each by its log's name as `ended` ends it.
     ///
     /// # Errors

@@ -43,13 +43,6 @@ pub enum Outcome {
     Lossy,
 }
 
-impl Outcome {
-    /// Of a result that is there; `lossy` = something of it was lost.
-    pub(crate) fn of(lossy: bool) -> Self {
-        if lossy { Self::Lossy } else { Self::Done }
-    }
-}
-
 /// Why a command has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {

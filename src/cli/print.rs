@@ -7,11 +7,10 @@
 //! written visibly ([`plain`]).
 
 use super::{CliError, call};
-use hydroline_core::lock::Lock;
 use hydroline_core::plain;
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 /// What became of a stream of results.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
@@ -59,7 +58,7 @@ fn raw(bytes: &[u8]) {
     if call::heard_result(bytes) {
         return;
     }
-    let mut state = STDOUT.held();
+    let mut state = STDOUT.lock().unwrap_or_else(PoisonError::into_inner);
     let mut results = Results {
         to: io::stdout().lock(),
         state: std::mem::take(&mut *state),
@@ -113,7 +112,7 @@ pub fn is_terminal() -> bool {
 
 /// Whether anything written to stdout can still get anywhere.
 pub fn is_read() -> bool {
-    *STDOUT.held() == State::Open
+    *STDOUT.lock().unwrap_or_else(PoisonError::into_inner) == State::Open
 }
 
 /// The end of all output: the run failed when stdout did not take all of it.
@@ -121,7 +120,7 @@ pub fn is_read() -> bool {
 /// # Errors
 /// [`crate::CliError::Run`] with what stdout said.
 pub fn finish() -> Result<(), crate::CliError> {
-    match &*STDOUT.held() {
+    match &*STDOUT.lock().unwrap_or_else(PoisonError::into_inner) {
         State::Failed(words) => Err(crate::CliError::Run(words.clone())),
         State::Open | State::Unread => Ok(()),
     }

@@ -2,10 +2,9 @@
 
 use super::call::{self, Listener};
 use super::print::errln;
-use hydroline_core::lock::Lock;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -65,10 +64,14 @@ struct Now {
 }
 
 impl Stage {
+    fn lock(&self) -> MutexGuard<'_, Now> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Says where the work is until it ends.
     fn tell(&self, what: &str, began: Instant) {
         let mut wait = FIRST_LINE;
-        let mut now = self.now.held();
+        let mut now = self.lock();
         loop {
             let ended = |now: &mut Now| !now.ended;
             let (got, _) = self
@@ -127,7 +130,7 @@ impl Stages {
 
     /// How far a stage is.
     pub fn at(&self, stage: &str) {
-        let mut now = self.stage_now.now.held();
+        let mut now = self.stage_now.lock();
         stage.clone_into(&mut now.stage);
         self.hear(stage, now.stages);
         drop(now);
@@ -136,7 +139,7 @@ impl Stages {
 
     /// The next stage.
     pub fn tell(&self, stage: &str) {
-        let mut now = self.stage_now.now.held();
+        let mut now = self.stage_now.lock();
         now.stages += 1;
         stage.clone_into(&mut now.stage);
         self.hear(stage, now.stages);
@@ -148,7 +151,7 @@ impl Stages {
 
 impl Drop for Stages {
     fn drop(&mut self) {
-        self.stage_now.now.held().ended = true;
+        self.stage_now.lock().ended = true;
         self.stage_now.changed.notify_all();
         if let Some(teller) = self.teller.take() {
             let _ = teller.join();

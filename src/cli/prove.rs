@@ -5,22 +5,22 @@ use std::path::Path;
 use super::print::{self, errln, out, outln};
 use super::{CliError, Outcome, inputs, progress};
 use clap::builder::RangedU64ValueParser;
-use hydroline_core::build_info::BuildInfo;
-use hydroline_diagnose::verdict::Verdict;
-use hydroline_lab::benchmark::case::Truth;
-use hydroline_lab::benchmark::case::{FULL, parse};
-use hydroline_lab::benchmark::coupled::CoupledJudged;
-use hydroline_lab::benchmark::disturbance::Disturbance;
-use hydroline_lab::benchmark::external_law::ExternalLaw;
-use hydroline_lab::benchmark::faulty::Fault;
-use hydroline_lab::benchmark::images::ImageJudged;
-use hydroline_lab::benchmark::instrument::Flaw;
-use hydroline_lab::benchmark::score::Score;
-use hydroline_lab::benchmark::score::complaint;
-use hydroline_lab::benchmark::{Case, coupled, export, images};
-use hydroline_lab::benchmark::{
+use hydroline_benchmark::case::Truth;
+use hydroline_benchmark::case::{FULL, parse};
+use hydroline_benchmark::coupled::CoupledJudged;
+use hydroline_benchmark::disturbance::Disturbance;
+use hydroline_benchmark::external_law::ExternalLaw;
+use hydroline_benchmark::faulty::Fault;
+use hydroline_benchmark::images::ImageJudged;
+use hydroline_benchmark::instrument::Flaw;
+use hydroline_benchmark::score::Score;
+use hydroline_benchmark::score::complaint;
+use hydroline_benchmark::{Case, coupled, export, images};
+use hydroline_benchmark::{
     Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
 };
+use hydroline_core::build_info::BuildInfo;
+use hydroline_diagnose::verdict::Verdict;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -28,6 +28,7 @@ pub fn chapters() -> Vec<(&'static str, String)> {
 pub fn undescribed() -> Vec<String> {
     let command = whole_command();
     let mut all = command_line::undescribed(&command);
+    all.extend(hydroline_rigs::reference::undescribed());
     all.extend(effects::undescribed());
     all.extend(json::undescribed(&command));
     all

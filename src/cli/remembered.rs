@@ -84,15 +84,21 @@ pub struct Remembered {
 
 /// What keeps a calibration from being remembered.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum RememberError {
+    /// No folder of the user's.
     #[error(
         "neither XDG_DATA_HOME nor HOME names a folder; set one, or give the file with --calibration"
     )]
     NoFolder,
     /// The file could not be written.
     #[error("{path}: {reason}; give the calibration's own file with --calibration")]
-    NotWritten { path: PathBuf, reason: String },
+    NotWritten {
+        /// The folder.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
+    /// The calibration is no text.
     #[error(transparent)]
     Unwritable(#[from] CalibError),
 }

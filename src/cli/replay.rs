@@ -409,7 +409,11 @@ fn places(args: &Args, many: &Many) -> Result<Results, CliError> {
         if !args.update {
             inputs::new_file("--out", &args.out)?;
         }
-        return Ok(many.each_to(|_| args.out.clone()));
+        return Ok(many
+            .logs
+            .iter()
+            .map(|log| (log.clone(), args.out.clone()))
+            .collect());
     }
     inputs::folder("--out", &args.out)?;
     many.results(&args.out, |name| {

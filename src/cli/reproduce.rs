@@ -6,7 +6,7 @@ use super::output::Output;
 use super::print::{self, out, outln};
 use super::{CliError, Outcome, progress};
 use clap::ValueEnum;
-use hydroline_lab::reproduce::{
+use hydroline_reproduce::{
     CalibrationStudy, Disturbed, DofRow, Figure, JointAccuracy, Row, SurgeRun, Table10Row,
     Table11Row, all_dofs, disturbed, figure12, figure13, figure17, joint_accuracy, table3, table7,
     table10, table11,
@@ -457,7 +457,7 @@ fn print_cells(cells: &[Disturbed]) {
         "Largest change of a formula's result by another motion; entries the paper's text has lost are marked *"
     );
     for c in cells {
-        let name = |m: hydroline_lab::reproduce::Motion| format!("{m:?}").to_lowercase();
+        let name = |m: hydroline_reproduce::Motion| format!("{m:?}").to_lowercase();
         let lost = if c.missing > 0 {
             format!("  ({} frames without an answer)", c.missing)
         } else {

@@ -84,24 +84,6 @@ pub struct FrameMeta {
     pub lost_before: LossBefore,
 }
 
-impl FrameMeta {
-    /// Of a frame of which only number and time are known: mid-exposure, UNIX \[ns\].
-    pub fn at(sequence: u32, mid_exposure_ns: u64) -> Self {
-        FrameMeta {
-            sequence,
-            driver_stamp_ns: mid_exposure_ns,
-            stamp_clock: StampClock::Realtime,
-            stamp_source: StampSource::MidExposure,
-            flags: 0,
-            received_monotonic_ns: 0,
-            mid_exposure_ns,
-            exposure_s: 0.0,
-            fault: None,
-            lost_before: LossBefore::default(),
-        }
-    }
-}
-
 /// One frame. Cheap to clone: the pixels are shared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {

@@ -1,4 +1,4 @@
-//! What every room speaks of: clocks, events, frames, recorded runs, shutdown, the build and the conditions of a session. No devices, no files.
+//! What every room speaks of: clocks, events, frames, shutdown, the build and the conditions of a session. No devices, no files.
 //!
 //! ```
 //! use hydroline_core::{clock::{Clock, ManualClock}, water::refractive_index};
@@ -18,9 +18,7 @@ pub mod clock;
 pub mod event;
 pub mod frame;
 pub mod heartbeat;
-pub mod lock;
 pub mod plain;
-pub mod run;
 pub mod session;
 pub mod shutdown;
 pub mod synthetic;

@@ -39,21 +39,6 @@ pub fn word(word: &str) -> Cow<'_, str> {
     escaped(word, |_| false)
 }
 
-/// A formatter on which each `writeln!` is one line, as of [`line`].
-pub struct Lines<'a, 'b>(pub &'a mut fmt::Formatter<'b>);
-
-impl Lines<'_, '_> {
-    /// Takes what `writeln!` hands on.
-    ///
-    /// # Errors
-    /// Those of the formatter.
-    pub fn write_fmt(&mut self, text: fmt::Arguments<'_>) -> fmt::Result {
-        let text = text.to_string();
-        let text = text.strip_suffix('\n').unwrap_or(&text);
-        line(self.0, format_args!("{text}"))
-    }
-}
-
 /// Writes one line, whatever is in it.
 ///
 /// # Errors

@@ -1,6 +1,5 @@
 //! One shutdown signal for everything that runs: raised once, with a reason, seen by all.
 
-use crate::lock::Lock;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -59,7 +58,11 @@ impl Shutdown {
 
     /// Raises it; later calls change nothing.
     pub fn raise(&self, reason: StopReason) {
-        let mut slot = self.inner.reason.held();
+        let mut slot = self
+            .inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         if slot.is_none() {
             *slot = Some(reason);
         }
@@ -69,7 +72,11 @@ impl Shutdown {
 
     /// The reason, once raised.
     pub fn reason(&self) -> Option<StopReason> {
-        self.inner.reason.held().clone()
+        self.inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Whether it was raised.
@@ -79,7 +86,11 @@ impl Shutdown {
 
     /// Waits up to `wait`; true when raised.
     pub fn wait(&self, wait: Duration) -> bool {
-        let slot = self.inner.reason.held();
+        let slot = self
+            .inner
+            .reason
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let (slot, _) = self
             .inner
             .raised

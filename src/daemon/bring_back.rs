@@ -142,9 +142,6 @@ pub enum Stage {
     Back(Left),
 }
 
-/// Words where no frame of late shows the vehicle.
-const UNSEEN: &str = "the vehicle is not seen over its target: bring it back by eye";
-
 /// The state machine.
 #[derive(Debug, Clone)]
 pub struct Guide {
@@ -209,7 +206,7 @@ impl Guide {
     pub fn line(&mut self, now_ns: u64) -> String {
         let stage = self.stage(now_ns);
         let Some((_, seen)) = self.newest else {
-            return UNSEEN.to_owned();
+            return "the vehicle is not seen over its target: bring it back by eye".to_owned();
         };
         let number = |v: Option<f64>, digits: usize| {
             // No minus before what rounds to nothing.
@@ -224,7 +221,9 @@ impl Guide {
             number(seen.psi_rad.map(f64::to_degrees), 0)
         );
         match stage {
-            Stage::Unseen => UNSEEN.to_owned(),
+            Stage::Unseen => {
+                "the vehicle is not seen over its target: bring it back by eye".to_owned()
+            }
             Stage::Away(left) => format!("{place} | go {left}"),
             Stage::Arriving(_) => format!("{place} | hold it there"),
             Stage::Back(_) => {

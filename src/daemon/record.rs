@@ -33,10 +33,9 @@ use hydroline_capture::{CaptureCounts, FrameSource};
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, EventKind, Severity, kind};
 use hydroline_core::heartbeat::Heartbeat;
-use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::{Shutdown, StopReason};
 use hydroline_log::messages::{self, pb, timestamp};
-use hydroline_log::{Entry, FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
+use hydroline_log::{FrameLedger, LogError, LogOutcome, Recorder, SummaryInput};
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{Allocation, ThrustError};
@@ -49,7 +48,7 @@ use mailbox::Mailbox;
 use measured_pose::MeasuredPose;
 use publisher::{Desk, Note};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -222,7 +221,7 @@ struct Progress {
 
 impl Shared {
     fn progress<R>(&self, f: impl FnOnce(&mut Progress) -> R) -> R {
-        f(&mut self.progress.held())
+        f(&mut self.progress.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// An event goes to the log and, by its severity, to the diagnostics.
@@ -406,7 +405,7 @@ pub fn run(
         poses,
         thrusters,
         log,
-        calibration: shared.calibrating.held().take(),
+        calibration: calibrating::lock(&shared).take(),
     })
 }
 
@@ -415,15 +414,12 @@ fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: b
     let now_ns = shared.clock.triple().realtime_ns;
     shared
         .recorder
-        .push(Entry::camera_calibration(&messages::camera_calibration(
-            &rig.camera,
-            now_ns,
-        )));
+        .camera_calibration(&messages::camera_calibration(&rig.camera, now_ns));
     match map {
         Some(map) => {
             let calibration = map.describe();
             let message = message::in_force(&calibration, now_ns);
-            shared.recorder.push(Entry::plane_calibration(&message));
+            shared.recorder.plane_calibration(&message);
             if calibration.residuals.is_none() && searching {
                 shared.say(
                     Severity::Info,
@@ -475,7 +471,7 @@ fn start_service(
             });
         }
         LinkRecord::Echo(echo) => {
-            to.recorder.push(Entry::echo(&pb::ThrusterEcho {
+            to.recorder.echo(&pb::ThrusterEcho {
                 timestamp: Some(timestamp(echo.timestamp_ns)),
                 sequence: echo.sequence,
                 thruster: echo.thruster.to_string(),
@@ -483,14 +479,14 @@ fn start_service(
                 controller_time_us: echo.controller_time_us,
                 round_trip_s: echo.round_trip_s,
                 errors: echo.errors,
-            }));
+            });
             if let Some(desk) = &to.desk {
                 desk.post(Note::Echo(echo));
             }
         }
         LinkRecord::Event(event) => to.event(&event),
         LinkRecord::Clock(clock) => {
-            *to.controller.held() = Some(clock);
+            *to.controller.lock().unwrap_or_else(PoisonError::into_inner) = Some(clock);
         }
     });
     ThrusterService::start(config, opener, shared.clock.clone(), sink)
@@ -549,44 +545,48 @@ fn summary(
             .map(|(cause, n)| (cause.to_owned(), n))
             .collect(),
     });
-    let mut put = |key: &str, value: &dyn std::fmt::Display| {
-        summary.more.insert(key.to_owned(), value.to_string());
-    };
-    put("frames.analysed", &analysed);
-    put("frames.not_analysed", &skipped);
-    put("frames.disagreement", &counts.disagreement);
-    put("frames.period_s", &counts.period_s);
+    let mut put = |key: &str, value: String| summary.more.insert(key.to_owned(), value);
+    put("frames.analysed", analysed.to_string());
+    put("frames.not_analysed", skipped.to_string());
+    put("frames.disagreement", counts.disagreement.to_string());
+    put("frames.period_s", counts.period_s.to_string());
     put(
         "frames.excluded.driver_error",
-        &counts.excluded.driver_error,
+        counts.excluded.driver_error.to_string(),
     );
-    put("frames.excluded.truncated", &counts.excluded.truncated);
-    put("frames.excluded.broken_jpeg", &counts.excluded.broken_jpeg);
-    put("frames.excluded.stale", &counts.excluded.stale);
-    put("frames.void", &counts.excluded.void);
+    put(
+        "frames.excluded.truncated",
+        counts.excluded.truncated.to_string(),
+    );
+    put(
+        "frames.excluded.broken_jpeg",
+        counts.excluded.broken_jpeg.to_string(),
+    );
+    put("frames.excluded.stale", counts.excluded.stale.to_string());
+    put("frames.void", counts.excluded.void.to_string());
     // With these the file's own count closes: logged + dropped = received + leftover + repeated.
-    put("frames.leftover", &counts.excluded.leftover);
-    put("frames.repeated", &counts.excluded.repeated);
-    put("frames.lost_at_end", &counts.lost_at_end);
-    put("source.restarts", &counts.restarts);
+    put("frames.leftover", counts.excluded.leftover.to_string());
+    put("frames.repeated", counts.excluded.repeated.to_string());
+    put("frames.lost_at_end", counts.lost_at_end.to_string());
+    put("source.restarts", counts.restarts.to_string());
     if let Some(poses) = poses {
-        put("poses.fitted", &poses.fitted);
-        put("poses.doubtful", &poses.flagged);
-        put("poses.none", &poses.none.values().sum::<u64>());
+        put("poses.fitted", poses.fitted.to_string());
+        put("poses.doubtful", poses.flagged.to_string());
+        put("poses.none", poses.none.values().sum::<u64>().to_string());
         for (reason, n) in &poses.none {
-            put(&format!("poses.none.{reason}"), &n);
+            put(&format!("poses.none.{reason}"), n.to_string());
         }
-        put("poses.skipped", &poses.skipped);
-        put("poses.opening", &poses.opening);
+        put("poses.skipped", poses.skipped.to_string());
+        put("poses.opening", poses.opening.to_string());
         for (key, value) in poses.response.iter().flat_map(Found::metadata) {
-            put(&key, &value);
+            put(&key, value);
         }
     }
     if let Some(stats) = thrusters {
-        put("commands.sets", &stats.sets);
-        put("commands.echoed", &stats.echoed);
-        put("commands.skipped", &stats.skipped);
-        put("commands.link_losses", &stats.losses);
+        put("commands.sets", stats.sets.to_string());
+        put("commands.echoed", stats.echoed.to_string());
+        put("commands.skipped", stats.skipped.to_string());
+        put("commands.link_losses", stats.losses.to_string());
     }
     summary
 }

@@ -16,7 +16,7 @@ use hydroline_core::build_info::BuildInfo;
 use hydroline_core::frame::{ClippingWatch, Frame, GreyImage, GreyRule};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
-    self, Stamped,
+    self,
     pb::{FrameInfo, PlaneCalibration, StripeProfile, VehicleMotion},
     unix_ns,
 };
@@ -169,23 +169,33 @@ impl Report {
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ReplayError {
+    /// Reading or writing a log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Reading a folder of images.
     #[error(transparent)]
     Folder(#[from] FolderError),
+    /// Refining what they share.
     #[error("--refine: {0}")]
     Refine(#[from] RefineError),
+    /// Binding the frames.
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
     /// The rig's thrusters make no wrench.
     #[error("the rig's dynamics cannot be used to smooth: {reason}")]
-    Dynamics { reason: String },
+    Dynamics {
+        /// Why.
+        reason: String,
+    },
+    /// Nothing to extract from.
     #[error(
         "{path}: holds no image: there is nothing to replay; `hydroline info` shows what is in it"
     )]
-    NoImages { path: PathBuf },
+    NoImages {
+        /// The log.
+        path: PathBuf,
+    },
 }
 
 /// Replays one log into a new one; `progress` is called with how many frames are done.
@@ -280,20 +290,32 @@ pub fn replay(
     state.report.hidden_clipping = state.clipping.words();
     progress(state.report.frames);
     let mut summary = SummaryInput::clean("replayed to the end");
-    let (more, done) = (&mut summary.more, &state.report);
-    for (key, n) in [
-        ("live", done.live),
-        ("live_identical", done.live_identical),
-        ("live_different", done.live_different),
-    ] {
-        more.insert(format!("replay.{key}"), n.to_string());
+    summary
+        .more
+        .insert("replay.live".to_owned(), state.report.live.to_string());
+    summary.more.insert(
+        "replay.live_identical".to_owned(),
+        state.report.live_identical.to_string(),
+    );
+    summary.more.insert(
+        "replay.live_different".to_owned(),
+        state.report.live_different.to_string(),
+    );
+    let refined = state.report.refined.iter();
+    summary
+        .more
+        .extend(refined.flat_map(RefineReport::metadata));
+    summary
+        .more
+        .extend(response.iter().flat_map(Found::metadata));
+    for (topic, n) in &state.report.foreign {
+        summary
+            .more
+            .insert(format!("replay.not_copied.{topic}"), n.to_string());
     }
-    more.extend(done.refined.iter().flat_map(RefineReport::metadata));
-    more.extend(response.iter().flat_map(Found::metadata));
-    for (topic, n) in &done.foreign {
-        more.insert(format!("replay.not_copied.{topic}"), n.to_string());
-    }
-    more.extend(state.still.metadata(options.tolerance()));
+    summary
+        .more
+        .extend(state.still.metadata(options.tolerance()));
     state.report.gaps = state.gaps.done();
     if let Some(screen) = state.screen.take() {
         screen.end("replayed to the end");
@@ -528,8 +550,22 @@ impl Replay<'_> {
                 Entry::echo(&echo)
             }
             // What the daemon measured live from this frame was computed again above.
-            Record::Motion(motion) if self.is_posed(&motion) => return Ok(()),
-            Record::Pose(pose) if self.is_posed(&pose) => return Ok(()),
+            Record::Motion(motion)
+                if motion
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&unix_ns(t))) =>
+            {
+                return Ok(());
+            }
+            Record::Pose(pose)
+                if pose
+                    .timestamp
+                    .as_ref()
+                    .is_some_and(|t| self.posed.contains(&messages::foxglove_ns(t))) =>
+            {
+                return Ok(());
+            }
             Record::Motion(motion) => {
                 self.still.motion(&motion);
                 if let Some(screen) = &mut self.screen {
@@ -561,12 +597,6 @@ impl Replay<'_> {
             Record::Pose(pose) => Entry::pose(&pose),
         };
         Ok(self.writer.write(log_ns, &entry)?)
-    }
-
-    /// Whether a message is of a frame whose pose was computed here.
-    fn is_posed(&self, message: &impl Stamped) -> bool {
-        let stamp_ns = message.stamp_ns();
-        stamp_ns.is_some_and(|ns| self.posed.contains(&ns))
     }
 
     /// Writes an account whose image did not follow.

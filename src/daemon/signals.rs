@@ -4,11 +4,10 @@
 //! attached thruster line to neutral at once, by one atomic store and whatever the rest of the
 //! program is waiting for, and stays visible to every loop that asks. The second one ends the process.
 
-use hydroline_core::lock::Lock;
 use hydroline_thruster::NeutralHandle;
 use hydroline_thruster::safety::NeutralReason;
 use std::io;
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use tokio::signal::unix::{SignalKind, signal};
 
 /// What ends a recording in order, thrusters first: left at their default each of these kills the process at once and
@@ -94,18 +93,22 @@ impl Signals {
 
     /// From now on the first signal brings this line to neutral by itself.
     pub fn attach(&self, line: NeutralHandle) {
-        self.lines.held().push(line);
+        self.lock().push(line);
     }
 
     /// Forgets all lines: their services have ended.
     pub fn detach_all(&self) {
-        self.lines.held().clear();
+        self.lock().clear();
     }
 
     fn neutral(&self) {
-        for line in self.lines.held().iter() {
+        for line in self.lock().iter() {
             // For good: a plan that is just about to begin must not take it back.
             line.bar(NeutralReason::Exit);
         }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<NeutralHandle>> {
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

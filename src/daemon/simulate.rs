@@ -13,7 +13,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureError, NegotiatedFormat, SourceDescription};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
-use hydroline_core::frame::{Frame, FrameMeta, PixelFormat};
+use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, StampClock, StampSource};
 use hydroline_log::messages::{self, pb, timestamp};
 use hydroline_log::{
     Entry, FileRecorder, Head, LogError, LogOutcome, MetadataMap, SummaryInput, WriteSettings,
@@ -75,20 +75,26 @@ impl Default for Options {
 
 /// Why a plan could not be simulated.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum SimulateError {
+    /// The world.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// The images.
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// A step asks for what the thrusters cannot do.
     #[error(transparent)]
     Plan(#[from] SetpointError),
+    /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
     /// Noise that is not a standard deviation.
     #[error("noise {value} is not a standard deviation: it must be finite and >= 0")]
-    Noise { value: f64 },
+    Noise {
+        /// As given.
+        value: f64,
+    },
+    /// Anything a source says.
     #[error(transparent)]
     Capture(#[from] CaptureError),
 }
@@ -317,9 +323,16 @@ fn frame(rig: &Rig, pixels: Vec<u8>, index: u64, stamp_ns: u64) -> Frame {
         stride_bytes: rig.camera.width_px,
         data: Bytes::from(pixels),
         meta: FrameMeta {
+            sequence: index as u32,
+            driver_stamp_ns: stamp_ns,
+            stamp_clock: StampClock::Realtime,
+            stamp_source: StampSource::MidExposure,
+            flags: 0,
             received_monotonic_ns: stamp_ns,
+            mid_exposure_ns: stamp_ns,
             exposure_s: rig.camera.exposure_s,
-            ..FrameMeta::at(index as u32, stamp_ns)
+            fault: None,
+            lost_before: LossBefore::default(),
         },
     }
 }
@@ -348,11 +361,11 @@ impl Noise {
     }
 
     fn measure(&mut self, unix_ns: u64, pose: &Pose6) -> pb::VehicleMotion {
-        let eta = pose.to_array();
-        let measured = std::array::from_fn(|i| {
-            let noise = if i < 3 { self.position } else { self.attitude };
-            Some(eta[i] + noise.sample(&mut self.rng))
-        });
+        let [x, y, z, phi, theta, psi] = pose.to_array();
+        let mut position = |v: f64| Some(v + self.position.sample(&mut self.rng));
+        let (x_m, y_m, z_m) = (position(x), position(y), position(z));
+        let mut attitude = |v: f64| Some(v + self.attitude.sample(&mut self.rng));
+        let (phi_rad, theta_rad, psi_rad) = (attitude(phi), attitude(theta), attitude(psi));
         let (p, a) = (
             self.position.std_dev().powi(2),
             self.attitude.std_dev().powi(2),
@@ -362,8 +375,15 @@ impl Noise {
             covariance[7 * i] = variance;
         }
         pb::VehicleMotion {
+            timestamp: Some(timestamp(unix_ns)),
+            x_m,
+            y_m,
+            z_m,
+            phi_rad,
+            theta_rad,
+            psi_rad,
             covariance,
-            ..pb::VehicleMotion::of_pose(unix_ns, measured)
+            ..pb::VehicleMotion::default()
         }
     }
 }

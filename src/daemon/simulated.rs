@@ -6,14 +6,12 @@
 use hydroline_calib::IdealMap;
 use hydroline_capture::CaptureError;
 use hydroline_capture::sim::Scene;
-use hydroline_core::lock::Lock;
-use hydroline_core::run::PerChannel;
-use hydroline_log::messages::VehicleMotion;
-use hydroline_log::{Entry, Recorder};
+use hydroline_log::Recorder;
+use hydroline_log::messages::{pb::VehicleMotion, timestamp};
 use hydroline_rigs::{Board, Rig};
 use hydroline_sim::scene::{BoardLight, BoardPicture, BoardPlacement};
 use hydroline_sim::{Renderer, SceneError, SimError, VehicleState, World};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// A vehicle that exists only here.
 pub struct SimulatedVehicle {
@@ -73,7 +71,7 @@ impl SimulatedVehicle {
         let Some(place) = self.channels.iter().position(|c| *c == channel) else {
             return Ok(());
         };
-        let mut state = self.world.held();
+        let mut state = self.lock();
         // A pulse of 0 us (output off) drives a speed controller to neutral.
         state.pulses_us[place] = if pulse_us == 0.0 {
             self.neutral_us
@@ -85,11 +83,32 @@ impl SimulatedVehicle {
         let pulses = state.pulses_us.clone();
         state.world.command_pulses(t_s, &pulses)
     }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, State> {
+        self.world.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// A state as the message that `/sim/truth` and simulated `/vehicle/motion` carry.
 pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
-    VehicleMotion::of(unix_ns, PerChannel::of_state(state.eta, state.nu).map(Some))
+    let [x, y, z, phi, theta, psi] = state.eta.map(Some);
+    let [u, v, w, p, q, r] = state.nu.map(Some);
+    VehicleMotion {
+        timestamp: Some(timestamp(unix_ns)),
+        x_m: x,
+        y_m: y,
+        z_m: z,
+        phi_rad: phi,
+        theta_rad: theta,
+        psi_rad: psi,
+        u_mps: u,
+        v_mps: v,
+        w_mps: w,
+        p_radps: p,
+        q_radps: q,
+        r_radps: r,
+        ..VehicleMotion::default()
+    }
 }
 
 /// White of a board under the room's light \[grey levels\].
@@ -197,13 +216,13 @@ fn failed(error: &SimError) -> CaptureError {
 
 impl Scene for CameraView {
     fn complete_s(&self, t_s: f64) -> f64 {
-        let state = self.vehicle.world.held();
+        let state = self.vehicle.lock();
         state.world.latest_scene_time_s(t_s, self.rows()).max(t_s)
     }
 
     fn image_at(&mut self, t_s: f64, index: u64) -> Result<Vec<u8>, CaptureError> {
         let (poses, truth) = {
-            let mut state = self.vehicle.world.held();
+            let mut state = self.vehicle.lock();
             let rows = self.rows();
             let poses = state.world.frame_poses(t_s, rows).map_err(|e| failed(&e))?;
             let truth = state.world.state_at(t_s).map_err(|e| failed(&e))?;
@@ -211,10 +230,7 @@ impl Scene for CameraView {
             (poses, truth)
         };
         if let Some((recorder, start_unix_ns)) = self.vehicle.recorder.get() {
-            recorder.push(Entry::truth(&motion_message(
-                start_unix_ns + (t_s * 1e9) as u64,
-                &truth,
-            )));
+            recorder.truth(&motion_message(start_unix_ns + (t_s * 1e9) as u64, &truth));
         }
         Ok(match &self.seen {
             Seen::Tank(renderer) => renderer.render_frame(&poses, index).0,

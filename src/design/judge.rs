@@ -1,6 +1,6 @@
 //! What a run by a plan would say: of the vehicle's coefficients, and of what the rig may leave out.
 
-use hydroline_core::run::{Command, PerChannel};
+use hydroline_identify::data::{CHANNELS, Command};
 use hydroline_inference::fit::Problem;
 use hydroline_inference::planned::{Typical, without_last};
 use hydroline_inference::prior::PriorTable;
@@ -71,11 +71,11 @@ pub struct Judge<'a> {
 }
 
 /// Expected noise per channel: poses are measured, rates are not.
-fn noise(of: Instruments) -> PerChannel<Option<hydroline_numerics::noise::Noise>> {
-    PerChannel::from_fn(|c| match (c.is_rate(), c.is_angular()) {
-        (false, false) => Some(of.position),
-        (false, true) => Some(of.attitude),
-        (true, _) => None,
+fn noise(of: Instruments) -> [Option<hydroline_numerics::noise::Noise>; CHANNELS.len()] {
+    std::array::from_fn(|c| match c {
+        0..3 => Some(of.position),
+        3..6 => Some(of.attitude),
+        _ => None,
     })
 }
 

@@ -1,6 +1,6 @@
 //! Plans from which the next run is chosen, and what a run by one would be.
 
-use hydroline_core::run::Command;
+use hydroline_identify::data::Command;
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;

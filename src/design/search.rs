@@ -1,7 +1,7 @@
 //! The set of plans that says most: patterns drawn, sized to the rig, and improved one place at a time (coordinate exchange;
 //! Meyer and Nachtsheim 1995), each beside those before it.
 
-use hydroline_core::run::Command;
+use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::EffectError;
 use hydroline_sim::{Allocation, ThrustError};

@@ -29,8 +29,7 @@ use super::source::Source;
 use super::verdict::{DataFault, NoiseFound, Verdict, Word};
 use found::Judged;
 use giving::Asking;
-use hydroline_core::run::{Channel, Run};
-use hydroline_identify::data::is_still;
+use hydroline_identify::data::{CHANNELS, Run, is_still};
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
@@ -64,14 +63,15 @@ pub fn diagnose(
         .collect();
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
     let recording = Recording::new(&runs, rig.tank.start_pose[5]);
+    let measured = |d: &usize| recording.channels[*d] || recording.channels[6 + d];
     let asked: Vec<usize> = (0..6)
-        .filter(|d| beside.given.contains(&Dof::ALL[*d]) && recording.measures(*d))
+        .filter(|d| beside.given.contains(&Dof::ALL[*d]) && measured(d))
         .collect();
     let mut dofs = recording.moving(&rig.tolerance.channels());
     // A fault in a channel that nothing is asked of stops nothing.
     let counts = |fault: &DataFault| {
-        let channel = Channel::named(&fault.channel);
-        channel.is_none_or(|c| dofs.contains(&c.dof().index()))
+        let channel = CHANNELS.iter().position(|c| *c == fault.channel);
+        channel.is_none_or(|c| dofs.contains(&(c % 6)))
     };
     let mut made = match stopped_by_faults(sources, held, rig, counts) {
         ControlFlow::Break(stopped) => return Ok(stopped),
@@ -112,7 +112,6 @@ pub fn diagnose(
     verdict.noise = noise_found(&found.problem);
     let withheld = joined::withhold(verdict, &runs);
     verdict.sentence = words::sentence(verdict, &judged.against());
-    made.by_motion = verdict.verdict;
     if verdict.verdict != Word::DataFault {
         judged.adopt(&mut made.rig);
         joined::take_out(&withheld, rig, &mut made.rig);
@@ -130,7 +129,8 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
         .iter()
         .map(|d| (Dof::ALL[*d].name().to_owned(), judged.unnamed_in(*d)))
         .collect();
-    verdict.at_limit = judged.at_limit();
+    verdict.rig_factors = judged.far_off();
+    verdict.at_limit = verdict.rig_factors.keys().cloned().collect();
     verdict.leave_one_run_out = judged.leave_one_run_out();
     verdict.ablation = judged.ablation();
     verdict.verdict = judged.word();
@@ -139,14 +139,14 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();
-    verdict.blind_spots = judged.blind_spots();
+    (verdict.blind_spots, verdict.blind_dofs) = judged.blind_spots();
     verdict.notes.extend(judged.notes());
 }
 
 /// Noise of every channel, and the share of its samples that are outliers.
 fn noise_found(problem: &Problem) -> BTreeMap<String, NoiseFound> {
     let mut made = BTreeMap::new();
-    for (c, noise) in problem.noises.channels.each() {
+    for (c, noise) in problem.noises.channels.iter().enumerate() {
         let Some(n) = noise else { continue };
         let flags = problem.noises.used.iter().zip(&problem.body.recording.runs);
         let (mut out, mut all) = (0usize, 0usize);
@@ -164,7 +164,7 @@ fn noise_found(problem: &Problem) -> BTreeMap<String, NoiseFound> {
             correlation_s: n.correlation_s,
             outliers: out as f64 / all.max(1) as f64,
         };
-        made.insert(c.name().to_owned(), of);
+        made.insert(Recording::name(c).to_owned(), of);
     }
     made
 }

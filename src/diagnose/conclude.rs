@@ -2,13 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use hydroline_report::Body;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 
-use super::profiles::ImageError;
 use super::source::Source;
 use super::verdict::{DataFault, Verdict, Word};
+
+/// What runs are called that were given with `--hold-out`.
+pub(super) const HELD_OUT: &str = "runs held out";
 
 /// Why there is no verdict.
 #[derive(Debug, thiserror::Error)]
@@ -21,9 +22,6 @@ pub enum DiagnoseError {
     /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// The frames.
-    #[error(transparent)]
-    Images(#[from] ImageError),
     /// No fit.
     #[error(
         "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
@@ -45,10 +43,6 @@ pub struct Diagnosis {
     pub shown: Vec<super::report::Shown>,
     /// Probability of what matters together, by the verdict.
     pub probability: f64,
-    /// The word by the motion alone.
-    pub by_motion: Word,
-    /// What the frames show, as a section of the report; `None` = none were asked.
-    pub images: Option<Body>,
     /// Plans for the next run, the best first.
     pub offers: Vec<super::body::next::Offer>,
 }
@@ -73,8 +67,6 @@ pub(super) fn stopped_by_faults(
         rig: rig.clone(),
         shown: Vec::new(),
         probability: 0.0,
-        by_motion: Word::DataFault,
-        images: None,
         offers: Vec::new(),
     };
     let Some(first) = stops else {

@@ -5,12 +5,11 @@ mod kinematics;
 
 use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
-use hydroline_numerics::statistics::extent;
 use hydroline_rigs::{Dof, Rig};
 use rayon::prelude::*;
 
 use super::verdict::DataFault;
-use hydroline_core::run::{Channel, Command, PerChannel, Run};
+use hydroline_identify::data::{CHANNELS, Command, Run};
 use hydroline_import::check::{STUCK_ROWS, check_motion};
 use hydroline_import::{Imported, Severity};
 use hydroline_log::messages::pb;
@@ -30,8 +29,8 @@ const WAITS_ON_S: f64 = 0.5;
 /// What a log holds besides its run.
 #[derive(Debug, Clone, Default)]
 pub struct Records {
-    /// Motion in file order: (stamp \[ns\], channels, NaN = not measured).
-    pub motion: Vec<(u64, PerChannel<f64>)>,
+    /// Motion in file order: (stamp \[ns\], twelve channels, NaN = not measured).
+    pub motion: Vec<(u64, [f64; 12])>,
     /// Drift of the controller's clock against the host's with its sd \[ppm\].
     pub drift_ppm: Vec<(f64, f64)>,
     /// (monotonic, realtime) \[ns\] of the clock records.
@@ -41,8 +40,21 @@ pub struct Records {
 impl Records {
     /// Takes a motion message.
     pub fn motion(&mut self, ns: u64, m: &pb::VehicleMotion) {
-        let measured = m.channels().map(|v| v.unwrap_or(f64::NAN));
-        self.motion.push((ns, measured));
+        let given = [
+            m.x_m,
+            m.y_m,
+            m.z_m,
+            m.phi_rad,
+            m.theta_rad,
+            m.psi_rad,
+            m.u_mps,
+            m.v_mps,
+            m.w_mps,
+            m.p_radps,
+            m.q_radps,
+            m.r_radps,
+        ];
+        self.motion.push((ns, given.map(|v| v.unwrap_or(f64::NAN))));
     }
 }
 
@@ -88,7 +100,7 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         lines: (1..=rows as u64).collect(),
         motion: std::array::from_fn(|c| {
             // Companions are not looked at here.
-            let of = |m: &(u64, PerChannel<f64>)| m.1.get(c).copied().unwrap_or(f64::NAN);
+            let of = |m: &(u64, [f64; 12])| m.1.get(c).copied().unwrap_or(f64::NAN);
             let column: Vec<f64> = records.motion.iter().map(of).collect();
             if column.iter().any(|v| v.is_finite()) {
                 column
@@ -105,14 +117,17 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         .into_iter()
         .filter(|f| f.severity > Severity::Info)
         .filter_map(|f| {
-            let mut all = Channel::ALL.into_iter();
-            let place = all.find(|c| f.message.starts_with(c.name()));
-            let channel = place.map_or("stamp", Channel::name);
+            let channel = CHANNELS
+                .iter()
+                .find(|c| f.message.starts_with(*c))
+                .copied()
+                .unwrap_or("stamp");
+            let place = CHANNELS.iter().position(|c| *c == channel);
             let fatal = match f.kind {
-                "dead_channel" => place.is_some_and(|p| driven[p.dof().index()] > 0.0),
-                "stuck_channel" => !place.is_some_and(|p| {
-                    waits(run, p.dof().index(), &data.times_s, &data.motion[p.index()])
-                }),
+                "dead_channel" => place.is_some_and(|p| driven[p % 6] > 0.0),
+                "stuck_channel" => {
+                    !place.is_some_and(|p| waits(run, p % 6, &data.times_s, &data.motion[p]))
+                }
                 // Rates that are noise about rest say nothing.
                 "kinematics" => return None,
                 "units" => f.severity == Severity::Fault,
@@ -155,7 +170,11 @@ fn gain(predicted: &[f64], measured: &[f64]) -> (f64, f64) {
 }
 
 fn span(values: &[f64]) -> f64 {
-    let (low, high) = extent(values.iter().copied());
+    let (low, high) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(*v), h.max(*v))
+        });
     high - low
 }
 
@@ -176,8 +195,11 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let largest = run.largest_wrench();
     for dof in Dof::ALL {
         let i = dof.index();
-        let place = Channel::POSES[i];
-        let tolerance = rig.tolerance.channels()[place];
+        let tolerance = if i < 3 {
+            rig.tolerance.position_m
+        } else {
+            rig.tolerance.attitude_rad
+        };
         if largest[i] == 0.0 {
             continue;
         }
@@ -188,7 +210,7 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
         if !(expected.is_finite() && expected > 20.0 * tolerance) {
             continue;
         }
-        let channel = place.name();
+        let channel = CHANNELS[i];
         let (g, r) = gain(&predicted, &measured);
         let moved = span(&measured);
         if r < -0.8 && g < -0.2 {
@@ -204,13 +226,13 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
                 .into_iter()
                 .filter(|o| *o != dof && largest[o.index()] == 0.0)
                 .find_map(|o| {
-                    let t: Vec<f64> = run.measured(Channel::POSES[o.index()]).collect();
+                    let t = raw_channel(run, o.index());
                     (t.len() == predicted.len())
                         .then(|| (o, gain(&predicted, &t)))
                         .filter(|(_, (g, r))| *r > 0.9 && (0.2..5.0).contains(g))
                 });
             match other {
-                Some((o, (g, r))) => found.push(fault(run, "swapped_columns", channel, format!("{} is commanded but {} moves, {g:.2} times as {channel} should (correlation {r:.3}): columns swapped?", dof.name(), Channel::POSES[o.index()].name()), true)),
+                Some((o, (g, r))) => found.push(fault(run, "swapped_columns", channel, format!("{} is commanded but {} moves, {g:.2} times as {channel} should (correlation {r:.3}): columns swapped?", dof.name(), CHANNELS[o.index()]), true)),
                 None if moved < 0.02 * expected => found.push(fault(run, "dead_channel", channel, format!("{channel} moves by {moved:.2e} where the rig's model makes {expected:.2e} of the commands"), true)),
                 None => {}
             }
@@ -226,12 +248,19 @@ fn by_the_rig(run: &Run, rig: &Rig, dof: usize) -> Option<(Vec<f64>, Vec<f64>)> 
     let predicted = body.values(0, &[], &body.begin());
     let run = body.recording.runs.first()?;
     let both = predicted.iter().enumerate();
-    let place = Channel::POSES[dof];
     let both: (Vec<f64>, Vec<f64>) = both
-        .map(|(k, p)| (p[place], run.measured(k)[place]))
+        .map(|(k, p)| (p[dof], run.measured(k)[dof]))
         .filter(|(_, m)| m.is_finite())
         .unzip();
     (both.0.len() >= SAMPLES_LEAST).then_some(both)
+}
+
+fn raw_channel(run: &Run, channel: usize) -> Vec<f64> {
+    run.samples
+        .iter()
+        .map(|s| s.values[channel])
+        .filter(|v| v.is_finite())
+        .collect()
 }
 
 fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
@@ -240,19 +269,19 @@ fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let Some(r) = recording.runs.first() else {
         return Vec::new();
     };
-    Channel::POSES
+    Dof::ALL
         .into_par_iter()
-        .filter_map(|place| {
+        .filter_map(|dof| {
             let each = r.times_s.iter().enumerate();
             let (times_s, measured): (Vec<f64>, Vec<f64>) = each
-                .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
+                .map(|(k, t_s)| (*t_s, r.measured(k)[dof.index()]))
                 .filter(|(_, m)| m.is_finite())
                 .unzip();
             let n = measured.len();
             let used = apart::not_apart(&times_s, &measured);
             let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
             (share > OUTLIERS_SOME && n > 50).then(|| {
-                let channel = place.name();
+                let channel = CHANNELS[dof.index()];
                 fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)
             })
         })
@@ -266,7 +295,7 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let speed = run
         .samples
         .windows(2)
-        .map(|w| (w[1].values[Channel::X] - w[0].values[Channel::X]).abs() / (w[1].t_s - w[0].t_s))
+        .map(|w| (w[1].values[0] - w[0].values[0]).abs() / (w[1].t_s - w[0].t_s))
         .filter(|v| v.is_finite())
         .fold(0.0, |m: f64, v| m.max(v))
         .min(1.0);
@@ -295,7 +324,7 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_core::run::Sample;
+    use hydroline_identify::data::Sample;
 
     /// A coarse instrument that shows the same before the first load was taken for a stuck channel.
     #[test]
@@ -304,7 +333,7 @@ mod tests {
         let run = |load_at_s: f64| Run {
             samples: vec![Sample {
                 t_s: 0.0,
-                values: PerChannel::splat(0.0),
+                values: [0.0; 12],
                 covariance: None,
             }],
             commands: vec![Command {

@@ -3,7 +3,7 @@
 //! A command that acts later and a clock that is off by as much make the same motion. Where the offset was estimated from
 //! that motion, every latency is in it already; where it was measured, a latency within its uncertainty may be none.
 
-use hydroline_core::run::{Joined, Run};
+use hydroline_identify::data::{Joined, Run};
 use hydroline_rigs::Rig;
 
 use crate::verdict::{Value, Verdict, Word};
@@ -11,13 +11,11 @@ use crate::verdict::{Value, Verdict, Word};
 /// Sds of the difference within which a latency may be the offset.
 const SDS: f64 = 3.0;
 
-/// Effects that are a fixed difference of time.
-const LATENCIES: [&str; 2] = ["command_latency", "camera_latency"];
 /// Effects that are differences of time, the parameter that says which, and how well the joining knows the same.
 type Known = (&'static str, &'static str, fn(&Joined) -> f64);
 const TIMES: [Known; 3] = [
-    (LATENCIES[0], "delay_s", |j| j.offset_sd_s),
-    (LATENCIES[1], "delay_s", |j| j.offset_sd_s),
+    ("command_latency", "delay_s", |j| j.offset_sd_s),
+    ("camera_latency", "delay_s", |j| j.offset_sd_s),
     ("clock_drift", "drift_ppm", |j| j.drift_sd_ppm),
 ];
 
@@ -62,14 +60,13 @@ pub(crate) fn withhold(verdict: &mut Verdict, runs: &[Run]) -> Vec<&'static str>
         } else {
             format!("a difference of time{size} between commands and motion is not named {id}: it is within {SDS} sd of what the offset of the joined logs may be ({known_sd})")
         });
-        verdict.cannot_show(id);
+        verdict.blind_spots.push(format!(
+            "{id}: not to be distinguished from the offset of the joined logs"
+        ));
     }
     if withheld.is_empty() {
         if is_estimated {
-            for id in LATENCIES {
-                verdict.cannot_show(id);
-            }
-            verdict.notes.push("the offset of the joined logs was estimated from this motion and holds every latency: measure it (join --offset-s, --offset-sd-s) to know one".to_owned());
+            verdict.blind_spots.push("latency of commands: the offset of the joined logs was estimated from this motion and holds it".to_owned());
         }
         return withheld;
     }
@@ -111,7 +108,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::verdict::{Effect, Law};
-    use hydroline_core::run::Command;
+    use hydroline_identify::data::Command;
 
     fn found(delay_s: f64) -> Verdict {
         let effect = |id: &str, parameter: &str, value| Effect {

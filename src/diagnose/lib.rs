@@ -1,8 +1,7 @@
 //! What was left out: where simulation and recording differ, which physics explains it, and proof.
 //!
 //! `source` (a log, and with `faults` what is wrong with its data) -> `body` (the models of `hydroline_inference`, weighed: what matters, how
-//! sure, where, what else it may be, which run would tell) -> `verdict` -> `report`. `profiles` asks the same of frames, and
-//! [`diagnose`] joins both: every command that gives a verdict calls it.
+//! sure, where, what else it may be, which run would tell) -> `verdict` -> `report`. `profiles` asks the same of frames.
 //!
 //! Nothing here knows a single effect: laws, ranges and stages come from `sim`'s registry.
 //!
@@ -41,13 +40,8 @@ pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
 
-use std::collections::BTreeSet;
-use std::path::PathBuf;
-
 use hydroline_calib::Calibration;
 use hydroline_rigs::{Dof, Rig};
-use profiles::{ImageError, level};
-use verdict::Word;
 
 /// What is known beside logs and rig.
 #[derive(Debug, Clone, Copy, Default)]
@@ -58,7 +52,7 @@ pub struct Beside<'a> {
     pub calibration: Option<&'a Calibration>,
 }
 
-/// Diagnoses logs against a rig by their motion and by their frames; `held` are predicted only.
+/// Diagnoses logs against a rig; `held` are predicted only.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -82,30 +76,5 @@ pub fn diagnose_beside(
     beside: &Beside<'_>,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
-    let moving = |all: &[Source]| -> Vec<Source> {
-        let with = all.iter().filter(|s| s.has_motion());
-        with.cloned().collect()
-    };
-    let runs = moving(sources);
-    let mut found = match runs.is_empty() {
-        true => None,
-        false => Some(body::diagnose(&runs, &moving(held), rig, beside, progress)?),
-    };
-    if let Some(fault) = found.take_if(|f| f.verdict.verdict == Word::DataFault) {
-        return Ok(fault);
-    }
-    let logs: BTreeSet<&PathBuf> = sources.iter().filter_map(|s| s.frames.as_ref()).collect();
-    let images = level(logs, rig, progress);
-    match (found, images) {
-        (Some(found), Ok(None)) => Ok(found),
-        (Some(found), Ok(Some(images))) => Ok(images.join(found)),
-        // The motion has its verdict whatever the frames are.
-        (Some(mut found), Err(error @ (ImageError::Few { .. } | ImageError::NoPose))) => {
-            found.verdict.notes.push(error.to_string());
-            Ok(found)
-        }
-        (_, Err(error)) => Err(error.into()),
-        (None, Ok(Some(images))) => Ok(images.alone(rig)),
-        (None, Ok(None)) => Err(DiagnoseError::NothingMoves(sources.len())),
-    }
+    body::diagnose(sources, held, rig, beside, progress)
 }

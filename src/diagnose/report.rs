@@ -15,7 +15,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry};
 
 use super::Diagnosis;
 use super::verdict::{Verdict, Word};
-pub use traces::{Runs, Shown, Trace};
+pub use traces::{Shown, Trace};
 
 /// What `diagnose --report` writes.
 #[derive(Debug, Clone)]
@@ -41,7 +41,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     if v.verdict == Word::DataFault {
         tables::faults(b, v);
     } else {
-        before_after_svg = before_after(b, shown);
+        before_after_svg = before_after(b, found, shown);
         tables::fit(b, v);
         tables::effects(b, v);
         written(b, found);
@@ -54,9 +54,6 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
         tables::faults(b, v);
         tables::rest(b, v);
     }
-    if let Some(images) = &found.images {
-        b.append(images.clone());
-    }
     Pages {
         page,
         before_after_svg,
@@ -64,28 +61,21 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
 }
 
 /// Every run that can be predicted, without and with what was left out; the first figure as a file of its own.
-fn before_after(b: &mut Body, shown: &[Shown]) -> String {
+fn before_after(b: &mut Body, found: &Diagnosis, shown: &[Shown]) -> String {
     b.section("Before and after");
-    match shown.first().map(|s| &s.predicted) {
-        Some(Runs::HeldOut(_)) => {
-            b.paragraph(
-                "Runs that were not used for fitting, predicted; only each run's start is fitted.",
-            );
-        }
-        Some(Runs::ByTheOthers(_)) => {
-            b.paragraph("Each run predicted by coefficients and effects fitted to the others; only its start is fitted.");
-        }
-        Some(Runs::None) | None => {}
-    }
+    let held_out = &found.verdict.fit.held_out_by;
+    b.paragraph(if held_out.starts_with(super::conclude::HELD_OUT) {
+        "Runs that were not used for fitting, predicted; only each run's start is fitted."
+    } else {
+        "Each run predicted by coefficients and effects fitted to the others; only its start is fitted."
+    });
     let mut first = String::new();
     for channel in shown {
-        let traces = match &channel.predicted {
-            Runs::HeldOut(traces) | Runs::ByTheOthers(traces) => traces,
-            Runs::None => {
-                b.warning("One run and none held out: the figure shows the fit itself, which proves less than a prediction.");
-                &channel.fitted
-            }
-        };
+        let mut traces = &channel.predicted;
+        if traces.is_empty() {
+            b.warning("One run and none held out: the figure shows the fit itself, which proves less than a prediction.");
+            traces = &channel.fitted;
+        }
         for trace in traces {
             let figure = figures::before_after(channel, trace);
             b.figure(&figure, "");
@@ -106,8 +96,10 @@ fn before_after(b: &mut Body, shown: &[Shown]) -> String {
 fn word(w: Word) -> &'static str {
     match w {
         Word::None => "nothing that matters",
+        Word::Named => "named",
+        Word::Ambiguous => "ambiguous",
+        Word::Unknown => "unknown",
         Word::DataFault => "data fault",
-        other => other.name(),
     }
 }
 

@@ -6,7 +6,7 @@
 use hydroline_rigs::{Dof, Rig};
 
 use super::source::Source;
-use hydroline_core::run::{Channel, Run};
+use hydroline_identify::data::{CHANNELS, Run};
 
 /// Stretches of a recording.
 const STRETCHES: usize = 4;
@@ -48,7 +48,6 @@ pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
             } else {
                 Vec::new()
             },
-            ..Source::default()
         }
     });
     let filled = |part: &Source| part.run.samples.len() >= FEWEST;
@@ -65,7 +64,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
     }
     // What has a place to swing about: roll and pitch.
     [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
-        let channel = Channel::POSES[dof.index()];
+        let channel = dof.index();
         let rest = run.median(channel)?;
         let angles: Vec<(f64, f64)> = run
             .samples
@@ -96,7 +95,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
         // another place was not released.
         let swing_s = turn.0 - at_s;
         (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
-            .then(|| (turn.0, channel.name()))
+            .then(|| (turn.0, CHANNELS[channel]))
     })
 }
 
@@ -104,7 +103,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
-    use hydroline_core::run::{Command, PerChannel, Sample};
+    use hydroline_identify::data::{Command, Sample};
 
     /// At rest, pressed to one side, held for a second, released at 8 s.
     fn decay() -> Run {
@@ -116,8 +115,8 @@ mod tests {
                 t if t < 8.0 => -0.18,
                 t => -0.18 * (-0.03 * (t - 8.0)).exp() * (2.2 * (t - 8.0)).cos(),
             };
-            let mut values = PerChannel::NAN;
-            values[Channel::Phi] = phi + 0.01;
+            let mut values = [f64::NAN; 12];
+            values[3] = phi + 0.01;
             Sample {
                 t_s,
                 values,
@@ -160,7 +159,7 @@ mod tests {
         let run = decay();
         let parts = stretches(&Source {
             run: run.clone(),
-            ..Source::default()
+            faults: Vec::new(),
         })
         .unwrap();
         let all: Vec<f64> = parts
@@ -171,7 +170,7 @@ mod tests {
         assert_eq!(all, own);
         let short = Source {
             run: run.window(0.0, 15.0),
-            ..Source::default()
+            faults: Vec::new(),
         };
         assert!(stretches(&short).is_none());
     }

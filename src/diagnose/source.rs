@@ -8,34 +8,17 @@ use hydroline_rigs::Rig;
 use super::faults::{Records, fault, faults};
 use super::single_run_split::release_instant;
 use super::verdict::DataFault;
-use hydroline_core::run::{Joined, Run};
-use hydroline_identify::data::{LoadError, load_messages};
+use hydroline_identify::data::{Joined, LoadError, Run, load_messages};
 use hydroline_log::messages::{timestamp, unix_ns};
 use hydroline_log::{LogReader, Record};
 
 /// A log taken apart.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Source {
-    /// Commands and motion; of a log of frames alone its name.
+    /// Commands and motion.
     pub run: Run,
     /// What is wrong with it.
     pub faults: Vec<DataFault>,
-    /// Log that holds its frames; `None` = there are none to ask.
-    pub frames: Option<PathBuf>,
-}
-
-impl Source {
-    /// The same with the frames of another log: of the recording whose replay has given the motion.
-    #[must_use]
-    pub fn with_frames_of(mut self, log: &Path) -> Source {
-        self.frames = Some(log.to_owned());
-        self
-    }
-
-    /// Whether any motion was measured.
-    pub fn has_motion(&self) -> bool {
-        !self.run.samples.is_empty()
-    }
 }
 
 /// A log, or `LOG@FROM..TO`: a window of it \[s since the log's first stamp\]. Either end may be left out.
@@ -110,7 +93,7 @@ impl FromStr for Part {
     }
 }
 
-/// Reads a log or a window of it; of a log of frames without motion, where they are. A decay without a window is taken from where the hull was released.
+/// Reads a log or a window of it. A decay without a window is taken from where the hull was released.
 ///
 /// # Errors
 /// [`LoadError`].
@@ -121,7 +104,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         || path.display().to_string(),
         |s| s.to_string_lossy().into_owned(),
     );
-    let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), None);
+    let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
     let mut records = Records::default();
     let mut reader = LogReader::open(path)?;
     for message in reader.by_ref() {
@@ -134,7 +117,7 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
                 );
                 motion.push(sample);
             }
-            Record::Frame(_) => frames = Some(path.to_owned()),
+            Record::Frame(_) => frames += 1,
             Record::Clock(pair) => {
                 records
                     .clocks_ns
@@ -147,20 +130,9 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         }
     }
     if motion.is_empty() {
-        if frames.is_none() {
-            return Err(LoadError::NoMotion {
-                log: path.display().to_string(),
-                frames: 0,
-            });
-        }
-        let run = Run {
-            name,
-            ..Run::default()
-        };
-        return Ok(Source {
-            run,
+        return Err(LoadError::NoMotion {
+            log: path.display().to_string(),
             frames,
-            ..Source::default()
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
@@ -182,15 +154,11 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     if window_s.is_none()
         && let Some((at_s, channel)) = release_instant(&run, rig)
     {
-        found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is not fitted"), false));
+        found.push(fault(&run, "before_release", channel, format!("no thruster ran, and {channel} swings freely from {at_s:.2} s on; what was before is left out"), false));
         run = cut(run, &mut records, at_s, f64::INFINITY);
     }
     found.extend(faults(&run, &records, rig));
-    Ok(Source {
-        run,
-        faults: found,
-        frames,
-    })
+    Ok(Source { run, faults: found })
 }
 
 /// Run and records within a window \[s\].

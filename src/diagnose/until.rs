@@ -6,10 +6,10 @@
 use std::cell::OnceCell;
 
 use hydroline_calib::Calibration;
-use hydroline_core::run::Command;
 use hydroline_design::{
     DesignError, Designed, Options as DesignOptions, Purpose, Set, design, not_shown_yet,
 };
+use hydroline_identify::data::Command;
 use hydroline_rigs::{Dof, Rig};
 
 use super::Beside;
@@ -254,16 +254,8 @@ fn judge(found: Diagnosis, options: &Options, runs_left: usize) -> Step {
         let why = format!("{}; mend it, then record anew", found.verdict.sentence);
         return undecided(why, found);
     }
-    let settled = |word| matches!(word, Word::None | Word::Named);
-    if settled(found.by_motion) && found.probability >= options.probability {
-        if settled(word) {
-            return Step::Decided(Box::new(found));
-        }
-        let why = format!(
-            "the motion is explained, and no run changes what the frames leave open: {}",
-            found.verdict.sentence
-        );
-        return undecided(why, found);
+    if matches!(word, Word::None | Word::Named) && found.probability >= options.probability {
+        return Step::Decided(Box::new(found));
     }
     if runs_left == 0 {
         let why = format!("no run is left; {}", open(&found, options));
@@ -327,8 +319,6 @@ mod tests {
             rig: Rig::builtin("lshpi").unwrap(),
             shown: Vec::new(),
             probability,
-            by_motion: word,
-            images: None,
             offers: gains
                 .iter()
                 .map(|g| Offer {
@@ -364,16 +354,6 @@ mod tests {
             step(found(Word::Unknown, 0.99, &[])),
             Step::Undecided { .. }
         ));
-    }
-
-    #[test]
-    fn what_frames_leave_open_no_run_decides() {
-        let mut left = found(Word::Ambiguous, 0.97, &[5.0]);
-        left.by_motion = Word::Named;
-        let Step::Undecided { why, .. } = judge(left, &Options::default(), 8) else {
-            panic!("goes on for nothing");
-        };
-        assert!(why.contains("frames"), "{why}");
     }
 
     #[test]

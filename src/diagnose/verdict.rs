@@ -1,4 +1,4 @@
-//! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict). A field that has nothing to say is absent.
+//! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict).
 
 use std::collections::BTreeMap;
 
@@ -6,8 +6,6 @@ use serde::Serialize;
 
 /// Probability from which an effect is established, and goes into a rig.
 pub const ESTABLISHED: f64 = 0.95;
-/// How runs are predicted of which none is held out, in words.
-const BY_THE_OTHERS: &str = "each run by the others";
 
 /// One word. Ordered: of two verdicts on the same logs the later one stands.
 #[derive(
@@ -36,19 +34,6 @@ pub enum Word {
     Unknown,
     /// The data are wrong before any physics.
     DataFault,
-}
-
-impl Word {
-    /// As JSON and tables have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Named => "named",
-            Self::Ambiguous => "ambiguous",
-            Self::Unknown => "unknown",
-            Self::DataFault => "data_fault",
-        }
-    }
 }
 
 /// Whether an effect acts by the library's law.
@@ -125,14 +110,16 @@ pub struct Candidate {
 pub struct Where {
     /// Stage of the heaviest effect.
     pub stage: Option<String>,
-    /// Degrees of freedom in which the model without effects misses by more than its noise.
+    /// Degrees of freedom that the effects act in.
     pub dof: Vec<String>,
     /// Windows of the first run in which the model without effects misses by more than its noise \[s\].
     pub windows_s: Vec<[f64; 2]>,
     /// The same, run by run.
     pub windows: BTreeMap<String, Vec<[f64; 2]>>,
-    /// The same in words; of frames with the size of the misfit.
+    /// What it depends on, in words with numbers.
     pub regime: String,
+    /// Log Bayes factor of an unnamed force as a function of each variable, without effects.
+    pub depends_on: BTreeMap<String, f64>,
 }
 
 /// Is there a mismatch at all?
@@ -152,7 +139,7 @@ pub struct Test {
     pub noise_rms: BTreeMap<String, f64>,
 }
 
-/// rms per channel, before and after.
+/// rms per channel before and after.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct BeforeAfter {
     /// The vehicle's coefficients refitted, without effects \[SI\].
@@ -163,50 +150,19 @@ pub struct BeforeAfter {
     pub noise: BTreeMap<String, f64>,
 }
 
-impl BeforeAfter {
-    /// Whether no channel stands in it.
-    pub fn is_empty(&self) -> bool {
-        self.before.is_empty()
-    }
-
-    /// Channel by channel.
-    pub fn rows<'a>(&'a self, by: &'a str) -> impl Iterator<Item = Predicted<'a>> {
-        self.before.iter().map(move |(channel, before)| Predicted {
-            channel,
-            by,
-            before: *before,
-            after: self.after.get(channel).copied(),
-            noise: self.noise.get(channel).copied(),
-        })
-    }
-}
-
-/// A channel of what was predicted, rms \[SI\].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Predicted<'a> {
-    /// Its name.
-    pub channel: &'a str,
-    /// What was predicted by what, in words.
-    pub by: &'a str,
-    /// By the vehicle alone, refitted.
-    pub before: f64,
-    /// With the effects.
-    pub after: Option<f64>,
-    /// Noise of the measurement.
-    pub noise: Option<f64>,
-}
-
-/// Fit and prediction of what chose nothing.
+/// Fit and prediction.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct FitTable {
     /// rms of the residuals per channel on the runs fitted.
     pub train: BeforeAfter,
-    /// The same on the runs held out, and on frames that were not fitted.
-    #[serde(skip_serializing_if = "BeforeAfter::is_empty")]
+    /// The same on the runs held out (or, without any, each run predicted by the others).
     pub held_out: BeforeAfter,
     /// What `held_out` is of, in words.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub held_out_by: String,
+    /// Where a law is not quite the library's: rms on the runs held out of the rig file written, which can
+    /// only hold the library's \[SI\].
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub held_out_written: BTreeMap<String, f64>,
 }
 
 /// The vehicle's own coefficients without and with the effects.
@@ -234,7 +190,7 @@ pub struct NoiseFound {
     pub coloured_sd: f64,
     /// Its correlation time; 0 = white \[s\].
     pub correlation_s: f64,
-    /// Share of samples discarded as outliers.
+    /// Share of samples left out.
     pub outliers: f64,
 }
 
@@ -253,71 +209,56 @@ pub struct DataFault {
     pub fatal: bool,
 }
 
-/// A set of effects that was looked at.
+/// An explanation and how it did.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Alternative {
-    /// Its effects; none = the vehicle alone.
+    /// Its effects.
     pub effects: Vec<String>,
     /// Log evidence of the runs fitted, over that of the first.
     pub log_evidence: f64,
-    /// Posterior probability of the set.
+    /// Probability, with what the runs held out that help to choose say.
     pub probability: f64,
     /// rms on the runs fitted per channel \[SI\].
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub train: BTreeMap<String, f64>,
+    /// rms on runs held out per channel \[SI\].
+    pub held_out: BTreeMap<String, f64>,
 }
 
-/// One effect more, in the order of what they gain; the first step stands for none at all.
+/// One effect more, in the order of what they gain; the first one stands for none at all.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct AblationStep {
     /// Added here; empty for the vehicle alone.
     pub effect: String,
     /// rms on the runs fitted per channel, all effects up to here refitted together \[SI\].
     pub train: BTreeMap<String, f64>,
-    /// The same on the runs held out or, without any, on each run as the others predict it \[SI\].
-    pub predicted: BTreeMap<String, f64>,
+    /// The same on runs held out \[SI\].
+    pub held_out: BTreeMap<String, f64>,
 }
 
-/// A coefficient at a physical limit, or far from the rig's.
+/// A force or change that nothing in the library explains.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct AtLimit {
-    /// Its key in the rig file.
-    pub key: String,
-    /// Its number over the rig's.
-    pub factor: f64,
-}
-
-/// Motion that nothing in the library explains.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Unexplained {
     /// Channel it shows in.
     pub channel: String,
-    /// Weight there; absent where the model gives no finite motion \[SI\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub weight: Option<f64>,
-    /// In words.
+    /// Weight there \[SI\].
+    pub weight: f64,
+    /// Variable it depends on best.
+    pub depends_on: String,
+    /// Where it acts, in the variable's unit.
+    pub range: [f64; 2],
+    /// Mean force there \[N, N m\].
+    pub force: f64,
+    /// The sparse term in words.
     pub term: String,
-    /// Variable that the force depends on: a covariate, or `time` where it is random.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub depends_on: Option<String>,
-    /// Where the force acts, in the variable's unit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub range: Option<[f64; 2]>,
-    /// Its largest value there; of a random force its sd \[N, N m\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<f64>,
-    /// Points of the force's table, in the variable's unit; times of several runs as laid end to end.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    /// Knots of the free function, in the variable's unit; times of several runs as laid end to end.
     pub knots: Vec<f64>,
     /// Force at each \[N, N m\].
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub force_at: Vec<f64>,
     /// Standard deviation of each \[N, N m\].
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub force_sd: Vec<f64>,
-    /// Log Bayes factor of the force over none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub log_bayes_factor: Option<f64>,
+    /// Log Bayes factor over none.
+    pub log_bayes_factor: f64,
     /// The same force as an expression of its variable, where one was looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed_form: Option<ClosedForm>,
@@ -336,12 +277,12 @@ pub struct ClosedForm {
     pub forms: Vec<WrittenForm>,
     /// Force of the first form at the table's knots \[N, N m\]; of a product at the rate that scales it.
     pub force_at: Vec<f64>,
-    /// rms of each run as the others predict it with the first form \[SI\]; absent where that was not asked.
+    /// rms of held-out runs, predicted with the first form \[SI\]; empty where that was not asked.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub leave_one_run_out: BTreeMap<String, f64>,
-    /// The same with the table \[SI\].
+    pub left_out: BTreeMap<String, f64>,
+    /// The same with the table.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub leave_one_run_out_table: BTreeMap<String, f64>,
+    pub left_out_table: BTreeMap<String, f64>,
     /// In words.
     pub sentence: String,
 }
@@ -373,7 +314,7 @@ pub struct NextExperiment {
     pub plan: String,
     /// The plan file.
     pub plan_toml: String,
-    /// Sets of effects that it separates: the verdict's, then its rivals.
+    /// Explanations it parts.
     pub separates: Vec<Vec<String>>,
     /// Expected log Bayes factor between the two closest of them.
     pub expected_log_bayes_factor: f64,
@@ -407,30 +348,35 @@ pub struct Verdict {
     pub fit: FitTable,
     /// The vehicle's coefficients, without and with the effects.
     pub parameters: Parameters,
-    /// Coefficients at a physical limit or far from the rig's, with their factor over the rig's.
+    /// Coefficients at a limit or far from the rig's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub at_limit: Vec<AtLimit>,
+    pub at_limit: Vec<String>,
+    /// Coefficients found over those of the rig.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub rig_factors: BTreeMap<String, Value>,
     /// Per DOF that moves the probability that a force of no known effect is worth more than the tolerance.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unnamed: BTreeMap<String, f64>,
-    /// Each run predicted with the model refitted to the others: rms over all runs per channel; absent of one run alone.
+    /// Each run as the others predict it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_one_run_out: Option<BeforeAfter>,
-    /// What these runs cannot show: effects whose size they leave open, as `EFFECT`, or `EFFECT in surge, sway` where it acts in
-    /// a DOF by name.
+    /// What is structurally not identifiable: no data of this kind can show it.
     pub blind_spots: Vec<String>,
+    /// DOFs in which these runs do not show them, where an effect acts in one by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub blind_dofs: BTreeMap<String, Vec<String>>,
     /// The run that would say most next; `None` = none is needed, or none would.
     pub next_experiment: Option<NextExperiment>,
     /// Noise of the measurement, per channel.
     pub noise: BTreeMap<String, NoiseFound>,
     /// Faults of the data.
     pub data_faults: Vec<DataFault>,
-    /// The likeliest sets of effects that were looked at, the verdict's first.
+    /// What else was considered.
     pub alternatives: Vec<Alternative>,
     /// The heavy effects one after the other, by what each gains in prediction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ablation: Vec<AblationStep>,
-    /// What nothing in the library explains.
+    /// What nothing explains.
     pub unexplained: Vec<Unexplained>,
     /// DOFs whose measured motion drove the others instead of being explained.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -439,23 +385,4 @@ pub struct Verdict {
     pub notes: Vec<String>,
     /// Sets of effects looked at.
     pub sets_looked_at: usize,
-}
-
-impl Verdict {
-    /// What was predicted, channel by channel: runs and frames held out, and of the other channels each run by the others.
-    pub fn predicted(&self) -> impl Iterator<Item = Predicted<'_>> {
-        let held_out = &self.fit.held_out;
-        let others = self.leave_one_run_out.iter();
-        let others = others.flat_map(|o| o.rows(BY_THE_OTHERS));
-        held_out
-            .rows(&self.fit.held_out_by)
-            .chain(others.filter(|p| !held_out.before.contains_key(p.channel)))
-    }
-
-    /// Puts an effect among what these runs cannot show, once.
-    pub fn cannot_show(&mut self, spot: &str) {
-        if !self.blind_spots.iter().any(|known| known == spot) {
-            self.blind_spots.push(spot.to_owned());
-        }
-    }
 }

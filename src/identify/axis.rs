@@ -10,14 +10,14 @@ use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 
-use super::data::Start;
-use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
+use super::data::{CHANNELS, Run, Start};
+use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::parameter::{Coefficient, Free, free};
-use hydroline_core::run::Channel::{Psi, X, Y};
-use hydroline_core::run::{Channel, PerChannel, Run, start_s};
 
 /// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
 const STEP_MAX_S: f64 = 0.04;
+/// A log whose motion starts this late is one cut to a window: the state is free at its first stamp \[s\].
+const START_SLACK_S: f64 = 1.0;
 
 /// The three coefficients, mass and restoring moment of one DOF.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,9 +70,14 @@ struct Step {
 
 #[derive(Debug)]
 struct AxisRun {
+    times_s: Vec<f64>,
+    measured: Vec<f64>,
+    /// sd of each of `measured` as logged; empty = none is.
+    logged_sd: Vec<f64>,
     /// Stamps that coincide with the start.
     at_start: bool,
     steps: Vec<Step>,
+    locals: Vec<Free>,
     /// Whether the place at the start is one of the locals.
     place_is_free: bool,
     start: Start,
@@ -86,8 +91,9 @@ pub struct Axis {
     fixed: [f64; 3],
     terms: Vec<Coefficient>,
     restoring_nm: f64,
-    observed: Observed,
+    globals: Vec<Free>,
     runs: Vec<AxisRun>,
+    slots: Vec<String>,
     with_rate: bool,
 }
 
@@ -115,16 +121,15 @@ impl Axis {
         } else {
             0.0
         };
-        let [place, rate] = Channel::of(i);
-        let with_rate = runs.iter().any(|r| r.has(rate));
-        let mut slots = vec![place.name().to_owned()];
+        let with_rate = runs.iter().any(|r| r.count(6 + i) > 0);
+        let mut slots = vec![CHANNELS[i].to_owned()];
         if with_rate {
-            slots.push(rate.name().to_owned());
+            slots.push(CHANNELS[6 + i].to_owned());
         }
-        let (runs, observed) = runs
+        let runs = runs
             .iter()
             .map(|r| AxisRun::new(r, i, with_rate, start, restores))
-            .unzip();
+            .collect();
         let fixed = Coefficient::of(dof).map(|c| c.of_vehicle(vehicle));
         let terms: Vec<Coefficient> = free_terms
             .iter()
@@ -138,12 +143,9 @@ impl Axis {
             fixed,
             terms,
             restoring_nm,
-            observed: Observed {
-                globals,
-                slots,
-                runs: observed,
-            },
+            globals,
             runs,
+            slots,
             with_rate,
         }
     }
@@ -155,7 +157,7 @@ impl Axis {
 
     /// Replaces the search ranges, e.g. by the paper's Table 9.
     pub fn set_ranges(&mut self, ranges: &[(f64, f64)]) {
-        for (free, (low, high)) in self.observed.globals.iter_mut().zip(ranges) {
+        for (free, (low, high)) in self.globals.iter_mut().zip(ranges) {
             (free.low, free.high) = (*low, *high);
             free.start = free.start.clamp(*low, *high);
         }
@@ -177,7 +179,7 @@ impl Axis {
 
     fn run<T: Real>(&self, run: usize, parameters: &[T], mut emit: impl FnMut(T, T)) {
         let run = &self.runs[run];
-        let (globals, locals) = parameters.split_at(self.globals().len().min(parameters.len()));
+        let (globals, locals) = parameters.split_at(self.globals.len().min(parameters.len()));
         let model = self.model(globals);
         let mut local = locals.iter().copied();
         let mut next = || local.next().unwrap_or_else(T::zero);
@@ -221,7 +223,7 @@ impl Axis {
         out: &mut Vec<f64>,
     ) -> DMatrix<f64> {
         let p = parameters.len();
-        let rows = self.measured(run).len();
+        let rows = self.runs[run].measured.len();
         let mut jacobian = DMatrix::zeros(rows, p);
         // Passes of N directions: any number of parameters, no heap in the inner loop.
         for first in (0..p.max(1)).step_by(N) {
@@ -246,28 +248,21 @@ impl Axis {
 }
 
 impl AxisRun {
-    fn new(
-        run: &Run,
-        i: usize,
-        with_rate: bool,
-        start: Start,
-        restores: bool,
-    ) -> (AxisRun, ObservedRun) {
-        // Path at the median heading; x and y turn into the body axis.
-        let [place, rate] = Channel::of(i);
-        let psi = run.median(Psi).unwrap_or(0.0);
-        let both = run.has(X) && run.has(Y);
-        let along = |v: &PerChannel<f64>| match place {
-            X if both => v[X] * psi.cos() + v[Y] * psi.sin(),
-            Y if both => v[Y] * psi.cos() - v[X] * psi.sin(),
-            _ => v[place],
+    fn new(run: &Run, i: usize, with_rate: bool, start: Start, restores: bool) -> AxisRun {
+        // Path at the median heading; pose channels 0 and 1 turn into the body axis.
+        let psi = run.median(5).unwrap_or(0.0);
+        let both = run.count(0) > 0 && run.count(1) > 0;
+        let along = |v: &[f64; 12]| match i {
+            0 if both => v[0] * psi.cos() + v[1] * psi.sin(),
+            1 if both => v[1] * psi.cos() - v[0] * psi.sin(),
+            _ => v[i],
         };
         // The same combination of the pose's covariance.
         let variance = |p: &[f64; 36]| {
             let (c, s) = (psi.cos(), psi.sin());
-            match place {
-                X if both => c * c * p[0] + c * s * (p[1] + p[6]) + s * s * p[7],
-                Y if both => s * s * p[0] - c * s * (p[1] + p[6]) + c * c * p[7],
+            match i {
+                0 if both => c * c * p[0] + c * s * (p[1] + p[6]) + s * s * p[7],
+                1 if both => s * s * p[0] - c * s * (p[1] + p[6]) + c * c * p[7],
                 _ => p[7 * i],
             }
         };
@@ -276,13 +271,13 @@ impl AxisRun {
         let mut times_s = Vec::new();
         for sample in &run.samples {
             let position = along(&sample.values);
-            if position.is_finite() || (with_rate && sample.values[rate].is_finite()) {
+            if position.is_finite() || (with_rate && sample.values[6 + i].is_finite()) {
                 times_s.push(sample.t_s);
                 measured.push(position);
                 let known = sample.covariance.as_deref().map(variance);
                 logged_sd.push(known.filter(|v| *v > 0.0).map_or(f64::NAN, f64::sqrt));
                 if with_rate {
-                    measured.push(sample.values[rate]);
+                    measured.push(sample.values[6 + i]);
                     // A log's covariance is that of the pose.
                     logged_sd.push(f64::NAN);
                 }
@@ -291,7 +286,12 @@ impl AxisRun {
         if !logged_sd.iter().any(|sd| sd.is_finite()) {
             logged_sd.clear();
         }
-        let start_s = start_s(&times_s);
+        let first_s = times_s.first().copied().unwrap_or(0.0);
+        let start_s = if first_s > START_SLACK_S {
+            first_s
+        } else {
+            0.0
+        };
         let steps = plan_steps(run, i, start_s, &times_s);
         let stride = 1 + usize::from(with_rate);
         let first = |slot: usize| {
@@ -328,32 +328,29 @@ impl AxisRun {
         let place_is_free = start != Start::AtRestFromZero && (placed || restores);
         if place_is_free {
             let range = if placed { 2.0 * spread } else { FRAC_PI_2 };
-            locals.push(any(&format!("{}.start", place.name()), seen, range));
+            locals.push(any(&format!("{}.start", CHANNELS[i]), seen, range));
         }
         if start == Start::Free {
             locals.push(any(
-                &format!("{}.start", rate.name()),
+                &format!("{}.start", CHANNELS[6 + i]),
                 first_rate.unwrap_or(0.0),
                 3.0 * largest_rate + 0.05,
             ));
         }
         if restores && placed {
-            locals.push(any(&format!("{}.offset", place.name()), 0.0, spread));
+            locals.push(any(&format!("{}.offset", CHANNELS[i]), 0.0, spread));
         }
         let at_start = times_s.first() == Some(&start_s);
-        let made = AxisRun {
-            at_start,
-            steps,
-            place_is_free,
-            start,
-        };
-        let observed = ObservedRun {
+        AxisRun {
             times_s,
             measured,
             logged_sd,
+            at_start,
+            steps,
             locals,
-        };
-        (made, observed)
+            place_is_free,
+            start,
+        }
     }
 }
 
@@ -411,8 +408,26 @@ fn plan_steps(run: &Run, i: usize, start_s: f64, times_s: &[f64]) -> Vec<Step> {
 }
 
 impl Forward for Axis {
-    fn observed(&self) -> &Observed {
-        &self.observed
+    fn globals(&self) -> &[Free] {
+        &self.globals
+    }
+    fn runs(&self) -> usize {
+        self.runs.len()
+    }
+    fn locals(&self, run: usize) -> &[Free] {
+        &self.runs[run].locals
+    }
+    fn slots(&self) -> &[String] {
+        &self.slots
+    }
+    fn times_s(&self, run: usize) -> &[f64] {
+        &self.runs[run].times_s
+    }
+    fn measured(&self, run: usize) -> &[f64] {
+        &self.runs[run].measured
+    }
+    fn logged_sd(&self, run: usize) -> &[f64] {
+        &self.runs[run].logged_sd
     }
 
     fn values(
@@ -449,14 +464,13 @@ impl Forward for Axis {
     fn channels(&self, run: usize, parameters: &[f64]) -> Result<Vec<ChannelSeries>, ForwardError> {
         let mut out = Vec::new();
         self.values(run, parameters, &mut out)?;
-        let slots = self.slots();
-        let every = slots.len();
+        let slots = self.slots.len();
         let pick =
-            |values: &[f64], c: usize| values.iter().skip(c).step_by(every).copied().collect();
-        Ok((0..every)
+            |values: &[f64], c: usize| values.iter().skip(c).step_by(slots).copied().collect();
+        Ok((0..slots)
             .map(|c| ChannelSeries {
-                name: slots[c].clone(),
-                measured: pick(self.measured(run), c),
+                name: self.slots[c].clone(),
+                measured: pick(&self.runs[run].measured, c),
                 predicted: pick(&out, c),
             })
             .collect())
@@ -465,8 +479,8 @@ impl Forward for Axis {
 
 #[cfg(test)]
 mod tests {
+    use super::super::data::{Command, Sample};
     use super::*;
-    use hydroline_core::run::{Command, Sample};
     use hydroline_rigs::{Rig, VehicleModel};
     use hydroline_sim::model::{Model, ModelState};
     use hydroline_sim::{EffectStack, Trajectory};
@@ -476,7 +490,7 @@ mod tests {
         let size = if dof < 3 { 8.0 } else { 0.5 };
         let sample = |k: usize| Sample {
             t_s: 0.006 + 0.04 * k as f64,
-            values: PerChannel::splat(0.0),
+            values: [0.0; 12],
             covariance: None,
         };
         Run {

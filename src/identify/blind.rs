@@ -2,9 +2,9 @@
 
 use hydroline_rigs::Dof;
 
+use super::data::Run;
 use super::outcome::NotIdentifiable;
 use super::parameter::{Coefficient, Term};
-use hydroline_core::run::{Channel, Run};
 
 fn spot(what: &str, why: String, experiment: &str) -> NotIdentifiable {
     NotIdentifiable {
@@ -58,8 +58,7 @@ pub fn blind_spots(
         ));
     }
     let translation = dofs.iter().any(|d| d.index() < 3);
-    let velocities = [Channel::U, Channel::V, Channel::W];
-    let rated = runs.iter().any(|r| velocities.iter().any(|c| r.has(*c)));
+    let rated = runs.iter().any(|r| (6..9).any(|c| r.count(c) > 0));
     if translation {
         let why = "a factor on measured positions looks like lighter mass and weaker damping (X_u|u| twice)";
         let rate_words = if rated {

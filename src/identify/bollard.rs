@@ -12,7 +12,7 @@ use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
+use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::lm::{LevenbergMarquardt, least_squares};
 use super::method::{Method, MethodError};
 use super::parameter::Free;
@@ -136,7 +136,10 @@ pub fn read(text: &str, file: &str) -> Result<Vec<Pull>, BollardError> {
 
 struct Model {
     pulls: Vec<Pull>,
-    observed: Observed,
+    measured: Vec<f64>,
+    places: Vec<f64>,
+    globals: Vec<Free>,
+    slots: Vec<String>,
     middle_v: f64,
 }
 
@@ -157,8 +160,23 @@ impl Model {
 }
 
 impl Forward for Model {
-    fn observed(&self) -> &Observed {
-        &self.observed
+    fn globals(&self) -> &[Free] {
+        &self.globals
+    }
+    fn runs(&self) -> usize {
+        1
+    }
+    fn locals(&self, _run: usize) -> &[Free] {
+        &[]
+    }
+    fn slots(&self) -> &[String] {
+        &self.slots
+    }
+    fn times_s(&self, _run: usize) -> &[f64] {
+        &self.places
+    }
+    fn measured(&self, _run: usize) -> &[f64] {
+        &self.measured
     }
     fn values(
         &self,
@@ -201,7 +219,7 @@ impl Forward for Model {
         self.values(run, parameters, &mut predicted)?;
         Ok(vec![ChannelSeries {
             name: "thrust_n".into(),
-            measured: self.measured(run).to_vec(),
+            measured: self.measured.clone(),
             predicted,
         }])
     }
@@ -283,16 +301,11 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         globals.push(free("voltage_exponent", 1.5, 0.0, 4.0));
     }
     let model = Model {
-        observed: Observed {
-            globals,
-            slots: vec!["thrust_n".into()],
-            runs: vec![ObservedRun {
-                times_s: (0..pulls.len()).map(|i| i as f64).collect(),
-                measured: pulls.iter().map(|p| p.thrust_n).collect(),
-                ..ObservedRun::default()
-            }],
-        },
+        measured: pulls.iter().map(|p| p.thrust_n).collect(),
+        places: (0..pulls.len()).map(|i| i as f64).collect(),
         pulls: pulls.to_vec(),
+        globals,
+        slots: vec!["thrust_n".into()],
         middle_v,
     };
     let mut problem = Problem::new(&model, &[1.0]);
@@ -310,7 +323,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         let same = next == used;
         used = next;
         problem.set_noise(&[Noise::white(1.0)], |_, _, k| used[k]);
-        at = least_squares(&problem, at, &vec![false; model.globals().len()])?.parameters;
+        at = least_squares(&problem, at, &vec![false; model.globals.len()])?.parameters;
         if same {
             break;
         }
@@ -342,7 +355,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         m.row_iter().map(|r| r.iter().copied().collect()).collect()
     };
     Ok(Bollard {
-        order: model.globals().iter().map(|g| g.name.clone()).collect(),
+        order: model.globals.iter().map(|g| g.name.clone()).collect(),
         curve: pulses
             .iter()
             .zip(&thrusts)
@@ -375,7 +388,7 @@ fn notes_on(
     (min_us, neutral_us, max_us): (f64, f64, f64),
 ) -> Vec<String> {
     let mut notes = Vec::new();
-    for (free, value) in model.globals().iter().zip(at) {
+    for (free, value) in model.globals.iter().zip(at) {
         // An edge at neutral is a thruster without a deadband.
         let on_bound = *value <= free.low || *value >= free.high;
         if on_bound && *value != neutral_us {

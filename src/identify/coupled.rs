@@ -11,10 +11,9 @@ use hydroline_sim::{Dual, Real, Trajectory};
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
-use super::data::Start;
-use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
+use super::data::{CHANNELS, Run, Sample, Start};
+use super::forward::{ChannelSeries, Forward, ForwardError};
 use super::parameter::{Coefficient, Free, Term, free};
-use hydroline_core::run::{Channel, PerChannel, Run, Sample, start_s};
 
 /// RK4 step without effects \[s\]: the fastest motion of the vehicle (roll, 1.3 rad/s) keeps 1e-7.
 const STEP_S: f64 = 0.04;
@@ -22,16 +21,25 @@ const STEP_S: f64 = 0.04;
 const STEP_EFFECTS_S: f64 = 0.01;
 /// Derivatives per pass.
 const PASS: usize = 16;
+/// As in the one-DOF model.
+const START_SLACK_S: f64 = 1.0;
 
 #[derive(Debug)]
 struct CoupledRun {
-    raw: Vec<PerChannel<f64>>,
+    times_s: Vec<f64>,
+    /// Physical channels, 12 per sample.
+    raw: Vec<f64>,
+    /// Slots.
+    measured: Vec<f64>,
+    /// sd of each slot as logged, where the slots are not whitened by it already; empty = none is.
+    logged_sd: Vec<f64>,
     /// Rows of L^-1 per sample where the covariance is known.
     whiten: Option<Vec<[[f64; 6]; 6]>>,
     commands: Vec<(f64, [f64; 6])>,
     start_s: f64,
-    /// State at the start that each local is.
-    places: Vec<Channel>,
+    locals: Vec<Free>,
+    /// Which of eta (0..6) and nu (6..12) each local is.
+    places: Vec<usize>,
 }
 
 /// The coupled model of several runs.
@@ -40,9 +48,10 @@ pub struct Coupled {
     vehicle: Vehicle,
     effects: Vec<CheckedEffect>,
     free: Vec<Coefficient>,
-    observed: Observed,
+    globals: Vec<Free>,
     runs: Vec<CoupledRun>,
-    measured_channels: Vec<Channel>,
+    slots: Vec<String>,
+    measured_channels: Vec<usize>,
     start_pose: [f64; 6],
     step_s: f64,
 }
@@ -61,12 +70,11 @@ impl Coupled {
         with_covariance: bool,
     ) -> Result<Coupled, EffectError> {
         let effects = check(&rig.physics)?;
-        let measured_channels: Vec<Channel> = Channel::ALL
-            .into_iter()
-            .filter(|c| runs.iter().any(|r| r.has(*c)))
+        let measured_channels: Vec<usize> = (0..12)
+            .filter(|c| runs.iter().any(|r| r.count(*c) > 0))
             .collect();
-        let names = |c: &Channel| match c.name() {
-            name if with_covariance && !c.is_rate() => whitened_name(name),
+        let names = |c: &usize| match CHANNELS[*c] {
+            name if with_covariance && *c < 6 => whitened_name(name),
             name => name.to_owned(),
         };
         let slots = measured_channels.iter().map(names).collect();
@@ -75,21 +83,18 @@ impl Coupled {
         } else {
             STEP_EFFECTS_S
         };
-        let (built, observed) = runs
+        let built = runs
             .iter()
             .map(|r| CoupledRun::new(r, &measured_channels, start, with_covariance))
-            .unzip();
+            .collect();
         let globals = free_terms.iter().map(|c| free(*c, &rig.vehicle)).collect();
         Ok(Coupled {
             vehicle: rig.vehicle.clone(),
             effects,
             free: free_terms.to_vec(),
-            observed: Observed {
-                globals,
-                slots,
-                runs: observed,
-            },
+            globals,
             runs: built,
+            slots,
             measured_channels,
             start_pose: rig.tank.start_pose,
             step_s,
@@ -100,7 +105,7 @@ impl Coupled {
         &self,
         run: usize,
         parameters: &[T],
-        mut emit: impl FnMut(PerChannel<T>),
+        mut emit: impl FnMut([T; 12]),
     ) -> Result<(), ForwardError> {
         let failed = |e: &dyn std::fmt::Display| ForwardError {
             run,
@@ -121,14 +126,18 @@ impl Coupled {
         let mut start = ModelState::at_rest(self.start_pose.map(T::from_f64));
         let locals = parameters.get(self.free.len()..).unwrap_or(&[]);
         for (place, value) in r.places.iter().zip(locals) {
-            *start.vehicle.channel(*place) = *value;
+            if *place < 6 {
+                start.vehicle.eta[*place] = *value;
+            } else {
+                start.vehicle.nu[*place - 6] = *value;
+            }
         }
         let mut path = Trajectory::new(model, start, self.step_s).map_err(|e| failed(&e))?;
         for (t_s, wrench) in &r.commands {
             path.command(T::from_f64(*t_s), wrench.map(T::from_f64))
                 .map_err(|e| failed(&e))?;
         }
-        for t_s in self.times_s(run) {
+        for t_s in &r.times_s {
             let seen_s = path
                 .model()
                 .effects
@@ -136,7 +145,9 @@ impl Coupled {
             let VehicleState { eta, nu } = path.state_at(seen_s).map_err(|e| failed(&e))?.vehicle;
             let effects = &path.model().effects;
             let pose = effects.reported_pose(seen_s, effects.scene_pose(seen_s, eta));
-            emit(PerChannel::of_state(pose, nu));
+            emit(std::array::from_fn(
+                |c| if c < 6 { pose[c] } else { nu[c - 6] },
+            ));
         }
         Ok(())
     }
@@ -149,8 +160,8 @@ impl Coupled {
     ) -> Result<(Vec<f64>, DMatrix<f64>), ForwardError> {
         let r = &self.runs[run];
         let width = PASS.min(parameters.len() - first);
-        let mut jacobian = DMatrix::zeros(self.measured(run).len(), width);
-        let mut out = Vec::with_capacity(self.measured(run).len());
+        let mut jacobian = DMatrix::zeros(r.measured.len(), width);
+        let mut out = Vec::with_capacity(r.measured.len());
         let duals = Dual::<PASS>::pass(parameters, first);
         let mut sample = 0;
         self.motion(run, &duals, |state| {
@@ -167,24 +178,24 @@ impl Coupled {
 }
 
 impl CoupledRun {
-    fn new(
-        run: &Run,
-        channels: &[Channel],
-        start: Start,
-        with_covariance: bool,
-    ) -> (CoupledRun, ObservedRun) {
+    fn new(run: &Run, channels: &[usize], start: Start, with_covariance: bool) -> CoupledRun {
         let times_s: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
-        let start_s = start_s(&times_s);
+        let first_s = times_s.first().copied().unwrap_or(0.0);
+        let start_s = if first_s > START_SLACK_S {
+            first_s
+        } else {
+            0.0
+        };
         let whiten = with_covariance.then(|| {
             run.samples
                 .iter()
                 .map(|s| inverse_root(s.covariance.as_deref()))
                 .collect()
         });
-        let raw = run.samples.iter().map(|s| s.values).collect();
+        let raw: Vec<f64> = run.samples.iter().flat_map(|s| s.values).collect();
         let (mut locals, mut places) = (Vec::new(), Vec::new());
-        let mut local = |place: Channel, start: f64, range: f64| {
-            let name = format!("{}.{}.start", run.name, place.name());
+        let mut local = |place: usize, start: f64, range: f64| {
+            let name = format!("{}.{}.start", run.name, CHANNELS[place]);
             locals.push(Free {
                 name,
                 start,
@@ -193,20 +204,26 @@ impl CoupledRun {
             });
             places.push(place);
         };
-        for [place, rate] in (0..6).map(Channel::of) {
-            if let Some(first) = run.measured(place).next() {
-                local(place, first, 1.0);
-            } else if matches!(place, Channel::Phi | Channel::Theta) && run.has(rate) {
+        for c in 0..6 {
+            if let Some(first) = run
+                .samples
+                .iter()
+                .map(|s| s.values[c])
+                .find(|v| v.is_finite())
+            {
+                local(c, first, 1.0);
+            } else if matches!(c, 3 | 4) && run.count(6 + c) > 0 {
                 // Only the rate was measured: the restoring moment needs the angle it starts from.
-                local(place, 0.0, FRAC_PI_2);
+                local(c, 0.0, FRAC_PI_2);
             }
         }
         if start == Start::Free {
-            for [place, rate] in (0..6).map(Channel::of) {
-                if run.has(place) || run.has(rate) {
-                    let mut rates = run.measured(rate);
+            for c in 0..6 {
+                if run.count(c) > 0 || run.count(6 + c) > 0 {
+                    let rates = run.samples.iter().map(|s| s.values[6 + c]);
                     let largest = rates.clone().fold(0.0_f64, |m, v| m.max(v.abs()));
-                    local(rate, rates.next().unwrap_or(0.0), (3.0 * largest).max(2.0));
+                    let first = rates.clone().find(|v| v.is_finite());
+                    local(6 + c, first.unwrap_or(0.0), (3.0 * largest).max(2.0));
                 }
             }
         }
@@ -217,42 +234,45 @@ impl CoupledRun {
             .map(|c| (c.t_s - start_s, c.wrench))
             .collect();
         commands.insert(0, (0.0, run.wrench_at(start_s)));
-        let made = CoupledRun {
+        let mut made = CoupledRun {
+            times_s,
             raw,
+            measured: Vec::new(),
+            logged_sd: Vec::new(),
             whiten,
             commands,
             start_s,
+            locals,
             places,
         };
-        let slots = made.raw.iter().enumerate();
-        let mut observed = ObservedRun {
-            measured: slots
-                .flat_map(|(k, state)| made.project(k, state, channels))
-                .collect(),
-            logged_sd: Vec::new(),
-            times_s,
-            locals,
-        };
-        if !with_covariance && run.samples.iter().any(|s| s.covariance.is_some()) {
-            let sds = |s: &Sample| {
-                channels
-                    .iter()
-                    .map(|c| s.sd(*c).unwrap_or(f64::NAN))
-                    .collect::<Vec<_>>()
-            };
-            observed.logged_sd = run.samples.iter().flat_map(sds).collect();
+        for k in 0..made.times_s.len() {
+            let state: [f64; 12] = std::array::from_fn(|c| made.raw[12 * k + c]);
+            let slots = made.project(k, &state, channels);
+            made.measured.extend(slots);
         }
-        (made, observed)
+        if !with_covariance && run.samples.iter().any(|s| s.covariance.is_some()) {
+            let sd = |sample: &Sample, c: usize| {
+                let own = sample.covariance.as_deref().filter(|_| c < 6);
+                own.map(|p| p[7 * c])
+                    .filter(|v| *v > 0.0)
+                    .map_or(f64::NAN, f64::sqrt)
+            };
+            made.logged_sd = run
+                .samples
+                .iter()
+                .flat_map(|s| channels.iter().map(move |c| sd(s, *c)))
+                .collect();
+        }
+        made
     }
 
     /// Physical channels of sample `k` to slots.
-    fn project<T: Real>(&self, k: usize, state: &PerChannel<T>, channels: &[Channel]) -> Vec<T> {
+    fn project<T: Real>(&self, k: usize, state: &[T; 12], channels: &[usize]) -> Vec<T> {
         channels
             .iter()
             .map(|&c| match self.whiten.as_ref().and_then(|w| w.get(k)) {
-                Some(rows) if !c.is_rate() => {
-                    let row = state.iter().zip(&rows[c.index()]).take(c.index() + 1);
-                    row.fold(T::zero(), |sum, (v, by)| sum + *v * *by)
+                Some(rows) if c < 6 => {
+                    (0..=c).fold(T::zero(), |sum, j| sum + state[j] * rows[c][j])
                 }
                 _ => state[c],
             })
@@ -262,8 +282,7 @@ impl CoupledRun {
 
 /// Whether every sample has its whole pose with a covariance.
 pub(super) fn every_pose_is_known(run: &Run) -> bool {
-    let known =
-        |s: &Sample| s.covariance.is_some() && s.values.pose().iter().all(|v| v.is_finite());
+    let known = |s: &Sample| s.covariance.is_some() && s.values[..6].iter().all(|v| v.is_finite());
     run.samples.iter().all(known)
 }
 
@@ -287,8 +306,26 @@ pub(super) fn inverse_root(covariance: Option<&[f64; 36]>) -> [[f64; 6]; 6] {
 }
 
 impl Forward for Coupled {
-    fn observed(&self) -> &Observed {
-        &self.observed
+    fn globals(&self) -> &[Free] {
+        &self.globals
+    }
+    fn runs(&self) -> usize {
+        self.runs.len()
+    }
+    fn locals(&self, run: usize) -> &[Free] {
+        &self.runs[run].locals
+    }
+    fn slots(&self) -> &[String] {
+        &self.slots
+    }
+    fn times_s(&self, run: usize) -> &[f64] {
+        &self.runs[run].times_s
+    }
+    fn measured(&self, run: usize) -> &[f64] {
+        &self.runs[run].measured
+    }
+    fn logged_sd(&self, run: usize) -> &[f64] {
+        &self.runs[run].logged_sd
     }
 
     fn values(
@@ -317,7 +354,7 @@ impl Forward for Coupled {
             .par_iter()
             .map(|first| self.pass(run, parameters, *first))
             .collect();
-        let mut jacobian = DMatrix::zeros(self.measured(run).len(), parameters.len());
+        let mut jacobian = DMatrix::zeros(self.runs[run].measured.len(), parameters.len());
         for (first, pass) in firsts.into_iter().zip(passes) {
             let (values, block) = pass?;
             jacobian.columns_mut(first, block.ncols()).copy_from(&block);
@@ -332,12 +369,12 @@ impl Forward for Coupled {
             .measured_channels
             .iter()
             .map(|&c| ChannelSeries {
-                name: c.name().to_owned(),
-                measured: r.raw.iter().map(|v| v[c]).collect(),
+                name: CHANNELS[c].to_owned(),
+                measured: r.raw.iter().skip(c).step_by(12).copied().collect(),
                 predicted: Vec::new(),
             })
             .collect();
-        self.motion(run, parameters, |state: PerChannel<f64>| {
+        self.motion(run, parameters, |state: [f64; 12]| {
             for (s, &c) in series.iter_mut().zip(&self.measured_channels) {
                 s.predicted.push(state[c]);
             }

@@ -13,14 +13,13 @@ use self::noise_at_rest::{before_the_first_load, centred, noise_at_rest, stored_
 use super::axis::Axis;
 use super::blind::blind_spots;
 use super::coupled::{Coupled, every_pose_is_known};
-use super::data::{Start, is_still};
+use super::data::{CHANNELS, Run, Start, is_still};
 use super::forward::{Forward, ForwardError};
 use super::lm::LevenbergMarquardt;
 use super::method::{Method, MethodError};
 use super::outcome::Identification;
 use super::parameter::Coefficient;
 use super::problem::{Objective, median_logged_sd};
-use hydroline_core::run::{Channel, Run};
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
@@ -241,6 +240,8 @@ pub fn identify(
 
 /// Names of the measured channels of a run, for messages.
 pub fn measured_channels(run: &Run) -> Vec<&'static str> {
-    let measured = Channel::ALL.into_iter().filter(|c| run.has(*c));
-    measured.map(Channel::name).collect()
+    (0..12)
+        .filter(|c| run.count(*c) > 0)
+        .map(|c| CHANNELS[c])
+        .collect()
 }

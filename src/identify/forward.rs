@@ -14,66 +14,28 @@ pub struct ForwardError {
     pub reason: String,
 }
 
-/// Unknowns and measurements of all runs.
-#[derive(Debug, Default)]
-pub struct Observed {
-    /// Unknowns shared by all runs.
-    pub globals: Vec<Free>,
-    /// Name of each slot.
-    pub slots: Vec<String>,
-    /// Runs.
-    pub runs: Vec<ObservedRun>,
-}
-
-/// Unknowns and measurements of one run.
-#[derive(Debug, Default)]
-pub struct ObservedRun {
-    /// Stamps \[s\].
-    pub times_s: Vec<f64>,
-    /// Measurements in the order of predictions; NaN = none.
-    pub measured: Vec<f64>,
-    /// sd of each measurement as the log says it, in the order of predictions; NaN = not said.
-    /// Empty where the log says none at all, or where the slots are in units of it already.
-    pub logged_sd: Vec<f64>,
-    /// The run's own unknowns.
-    pub locals: Vec<Free>,
-}
-
 /// Motion of several runs as a function of coefficients (`globals`) and of each run's own unknowns (`locals`).
 ///
 /// A run's parameters are `globals` followed by its `locals`. Predictions are sample-major:
 /// sample k, slot c at `k * slots + c`. A slot is a channel, or a combination of channels that
 /// the measurement's covariance leaves uncorrelated (then in units of its sd).
 pub trait Forward: Sync {
-    /// Unknowns and measurements.
-    fn observed(&self) -> &Observed;
     /// Shared by all runs.
-    fn globals(&self) -> &[Free] {
-        &self.observed().globals
-    }
+    fn globals(&self) -> &[Free];
     /// Number of runs.
-    fn runs(&self) -> usize {
-        self.observed().runs.len()
-    }
+    fn runs(&self) -> usize;
     /// A run's own unknowns.
-    fn locals(&self, run: usize) -> &[Free] {
-        &self.observed().runs[run].locals
-    }
+    fn locals(&self, run: usize) -> &[Free];
     /// Name of each slot.
-    fn slots(&self) -> &[String] {
-        &self.observed().slots
-    }
+    fn slots(&self) -> &[String];
     /// Stamps \[s\].
-    fn times_s(&self, run: usize) -> &[f64] {
-        &self.observed().runs[run].times_s
-    }
+    fn times_s(&self, run: usize) -> &[f64];
     /// Measurements in the order of predictions; NaN = none.
-    fn measured(&self, run: usize) -> &[f64] {
-        &self.observed().runs[run].measured
-    }
-    /// sd of each measurement, as [`ObservedRun::logged_sd`].
-    fn logged_sd(&self, run: usize) -> &[f64] {
-        &self.observed().runs[run].logged_sd
+    fn measured(&self, run: usize) -> &[f64];
+    /// sd of each measurement as the log says it, in the order of predictions; NaN = not said.
+    /// Empty where the log says none at all, or where the slots are in units of it already.
+    fn logged_sd(&self, _run: usize) -> &[f64] {
+        &[]
     }
     /// Predictions.
     ///

@@ -1,12 +1,12 @@
 //! Hydrodynamic parameters with their uncertainty, from motion and commands.
 //!
-//! `data` (a log becomes a [`Run`](hydroline_core::run::Run)) -> a model with its sensitivities
+//! `data` (a log becomes a [`Run`](data::Run)) -> a model with its sensitivities
 //! ([`Forward`](forward::Forward): one DOF in `axis`, the full Eq. 1 in `coupled`) -> `problem`
 //! (one vector of unknowns, residuals whitened) -> a [`Method`](method::Method)
-//! (`lm`, or another [`method`]) -> `estimate` (noise, intervals, whiteness, what is not identifiable).
+//! (`lm`, `cmaes`, `ga`) -> `estimate` (noise, intervals, whiteness, what is not identifiable).
 //!
 //! ```
-//! use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
+//! use hydroline_identify::data::{Command, Run, Sample};
 //! use hydroline_identify::{Options, identify};
 //! use hydroline_sim::{Model, Trajectory, model::ModelState};
 //!
@@ -19,9 +19,9 @@
 //!     run.commands.push(Command { t_s, wrench });
 //! }
 //! for k in 1..=360 {
-//!     let mut values = PerChannel::NAN; // only x is measured, to a millimetre
+//!     let mut values = [f64::NAN; 12]; // only x is measured, to a millimetre
 //!     let off_m = 1e-3 * (f64::from(k * 7 % 11) / 5.0 - 1.0);
-//!     values[Channel::X] = truth.state_at(0.05 * f64::from(k))?.vehicle.eta[0] + off_m;
+//!     values[0] = truth.state_at(0.05 * f64::from(k))?.vehicle.eta[0] + off_m;
 //!     run.samples.push(Sample { t_s: 0.05 * f64::from(k), values, covariance: None });
 //! }
 //! let found = identify(&[run], &rig, &Options::default())?;
@@ -35,21 +35,25 @@ pub mod adopt;
 pub mod axis;
 mod blind;
 pub mod bollard;
+pub mod cmaes;
 pub mod coupled;
 pub mod curve;
 pub mod data;
 mod estimate;
 pub mod figures;
 pub mod forward;
+pub mod ga;
 pub mod lm;
 pub mod merged;
 pub mod method;
 mod outcome;
+pub mod paper;
 pub mod parameter;
 pub mod predict;
 pub mod problem;
 mod refit;
 pub mod report;
+pub mod rest_noise;
 pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};

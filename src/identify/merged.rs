@@ -10,8 +10,7 @@ use hydroline_log::{LogReader, Record};
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 
-use super::data::{LoadError, load_messages};
-use hydroline_core::run::{COMPANIONS, Channel, Command, Run};
+use super::data::{CHANNELS, COMPANIONS, Command, LoadError, Run, load_messages};
 
 /// Longer than so many usual steps is a gap.
 const GAP_STEPS: f64 = 3.0;
@@ -122,11 +121,13 @@ impl Merged {
     /// Those of `out`.
     pub fn write(&self, mut out: impl Write) -> io::Result<()> {
         let mut names: Vec<String> = vec!["t_s".to_owned(), "timestamp_ns".to_owned()];
-        let own = |c: Channel| c.name().to_owned();
-        names.extend(Channel::POSES.map(own));
+        names.extend(CHANNELS[..6].iter().map(|c| (*c).to_owned()));
         // x_m -> x_sd_m
-        names.extend(Channel::POSES.map(|c| c.name().replacen('_', "_sd_", 1)));
-        names.extend(Channel::RATES.map(own));
+        names.extend(CHANNELS[..6].iter().map(|c| match c.rsplit_once('_') {
+            Some((name, unit)) => format!("{name}_sd_{unit}"),
+            None => format!("{c}_sd"),
+        }));
+        names.extend(CHANNELS[6..].iter().map(|c| (*c).to_owned()));
         names.extend(COMPANIONS.iter().map(|c| (*c).to_owned()));
         names.extend(LOADS.iter().map(|l| (*l).to_owned()));
         names.extend(self.thrusts.keys().map(|t| plain(&format!("thrust_{t}_n"))));
@@ -143,14 +144,14 @@ impl Merged {
         for sample in &self.run.samples {
             let stamp_ns = self.run.start_ns + (sample.t_s * 1e9).round() as u64;
             let mut cells: Vec<String> = vec![number(sample.t_s), stamp_ns.to_string()];
-            cells.extend(sample.values.pose().map(number));
-            cells.extend(Channel::POSES.map(|c| {
-                let own = sample.variance(c).map(f64::sqrt);
+            cells.extend(sample.values[..6].iter().map(|v| number(*v)));
+            cells.extend((0..6).map(|c| {
+                let own = sample.covariance.as_ref().map(|p| p[7 * c].sqrt());
                 // Of what is not measured there is no sd.
                 own.filter(|_| sample.values[c].is_finite())
                     .map_or(String::new(), number)
             }));
-            cells.extend(sample.values.rates().map(number));
+            cells.extend(sample.values[6..].iter().map(|v| number(*v)));
             let beside = self.companions.get(&stamp_ns).copied().unwrap_or_default();
             cells.extend(beside.iter().map(|v| v.map_or(String::new(), number)));
             cells.extend((0..6).map(|d| self.load(sample.t_s, d).map_or(String::new(), number)));
@@ -241,13 +242,13 @@ fn plain(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_core::run::{PerChannel, Sample};
+    use crate::data::Sample;
 
     #[test]
     fn cells_are_numbers_or_empty() {
         let sample = |t_s: f64, x: f64| Sample {
             t_s,
-            values: PerChannel::from_fn(|c| if c == Channel::X { x } else { f64::NAN }),
+            values: std::array::from_fn(|c| if c == 0 { x } else { f64::NAN }),
             covariance: Some(Box::new([4.0; 36])),
         };
         let merged = Merged {

@@ -92,7 +92,7 @@ pub struct CrossValidation {
     pub fitted: BTreeMap<String, f64>,
 }
 
-/// What these runs cannot show.
+/// What this data cannot show.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NotIdentifiable {
     /// Effect id or parameter name.
@@ -185,7 +185,7 @@ pub struct Identification {
     pub misfit: Vec<String>,
     /// Leave-one-run-out.
     pub cross_validation: Vec<CrossValidation>,
-    /// What these runs cannot show.
+    /// What this data cannot show.
     pub blind_spots: Vec<NotIdentifiable>,
     /// Effects in the rig's `[[physics]]`: held as they are, not fitted.
     pub held_effects: Vec<String>,

@@ -2,6 +2,8 @@
 
 use hydroline_rigs::{Dof, Rig, Vehicle};
 
+use super::paper::MASS_KG;
+
 /// Which of the three coefficients of a DOF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Term {
@@ -92,14 +94,8 @@ impl Coefficient {
     }
 }
 
-/// Mass of the paper's vehicle (Table 6) \[kg\].
-pub const PAPER_MASS_KG: f64 = 29.777;
 /// Widths of Table 9's ranges of X_udot, X_u, X_u|u| per kilogram of the paper's vehicle.
-const TABLE9_PER_KG: [f64; 3] = [
-    500.0 / PAPER_MASS_KG,
-    100.0 / PAPER_MASS_KG,
-    500.0 / PAPER_MASS_KG,
-];
+const TABLE9_PER_KG: [f64; 3] = [500.0 / MASS_KG, 100.0 / MASS_KG, 500.0 / MASS_KG];
 
 impl Coefficient {
     /// How far the truth may be from what the rig says, as a standard deviation: what an identification left in
@@ -190,7 +186,7 @@ mod tests {
     #[test]
     fn a_zero_in_the_rig_gets_table_9_for_its_mass_and_an_identified_number_its_own_sd() {
         let mut rig = Rig::builtin("lshpi").unwrap();
-        rig.vehicle.mass_kg = PAPER_MASS_KG;
+        rig.vehicle.mass_kg = MASS_KG;
         for (c, width) in Coefficient::of(Dof::Surge)
             .into_iter()
             .zip([500.0, 100.0, 500.0])

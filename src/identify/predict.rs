@@ -17,8 +17,8 @@ use hydroline_sim::{Allocation, Dual, Real, ThrustError, Trajectory, TrajectoryE
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use crate::data::CHANNELS;
 use crate::parameter::{Coefficient, Term};
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_plan::setpoint::{SetpointError, setpoint};
 
 /// Coefficients with their covariance (rows and columns in the same order).
@@ -34,16 +34,13 @@ pub struct Identified {
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Prediction {
     /// Names of the columns below.
-    #[schemars(with = "[String; 12]")]
-    pub channels: PerChannel<&'static str>,
+    pub channels: [&'static str; 12],
     /// Since the plan's start \[s\].
     pub t_s: Vec<f64>,
     /// Pose in the tank frame, rates in the body frame, SI.
-    #[schemars(with = "Vec<[f64; 12]>")]
-    pub motion: Vec<PerChannel<f64>>,
+    pub motion: Vec<[f64; 12]>,
     /// sd of the same from the coefficients' covariance; empty = no covariance was given.
-    #[schemars(with = "Vec<[f64; 12]>")]
-    pub sd: Vec<PerChannel<f64>>,
+    pub sd: Vec<[f64; 12]>,
     /// Body wrench of the plan from each time on, only changes \[s; N, N m\].
     #[serde(skip)]
     pub commands: Vec<(f64, [f64; 6])>,
@@ -236,7 +233,7 @@ pub fn predict(
     let command_rate_hz = rig.thrusters.link.rate_hz;
     let (mut next, mut last) = (0u64, None);
     let mut out = Prediction {
-        channels: PerChannel::from_fn(Channel::name),
+        channels: CHANNELS,
         t_s: Vec::new(),
         motion: Vec::new(),
         sd: Vec::new(),
@@ -261,7 +258,8 @@ pub fn predict(
             next += 1;
         }
         let state = path.state_at(Dual::from_f64(t_s))?.vehicle;
-        let all = PerChannel::of_state(state.eta, state.nu);
+        let all: [Dual<N>; 12] =
+            std::array::from_fn(|c| if c < 6 { state.eta[c] } else { state.nu[c - 6] });
         for (way, rate) in travelled.iter_mut().zip(&state.nu) {
             *way += rate.value.abs() / rate_hz;
         }
@@ -284,8 +282,13 @@ fn without_uncertainty(rig: &Rig, known: &Identified, travelled: &[f64; 6]) -> V
         let place = known.values.iter().position(|(k, _)| k == c);
         place.is_some_and(|i| known.covariance[(i, i)] > 0.0)
     };
-    let tolerance = rig.tolerance.channels().pose();
-    let moves = |dof: &Dof| travelled[dof.index()] > tolerance[dof.index()];
+    let moves = |dof: &Dof| {
+        let tolerance = match dof.index() {
+            0..3 => rig.tolerance.position_m,
+            _ => rig.tolerance.attitude_rad,
+        };
+        travelled[dof.index()] > tolerance
+    };
     Dof::ALL
         .into_iter()
         .filter(moves)

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::forward::{Forward, ForwardError};
 use super::parameter::Free;
-use hydroline_core::run::rest_noise::{Stretch, series};
+use super::rest_noise::{Stretch, series};
 
 /// What is minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]

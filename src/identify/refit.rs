@@ -5,7 +5,7 @@
 //! costs many fits; it is the same for all of these.
 
 use super::coupled::{Coupled, every_pose_is_known};
-use super::data::{Start, is_still};
+use super::data::{Run, Start, is_still};
 use super::estimate::IdentifyError;
 use super::forward::Forward;
 use super::lm::descend;
@@ -13,7 +13,6 @@ use super::outcome::Identification;
 use super::parameter::Coefficient;
 use super::problem::Problem;
 use super::uncertainty::covariance;
-use hydroline_core::run::Run;
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
@@ -95,9 +94,9 @@ pub fn refit(runs: &[Run], rig: &Rig, before: &Identification) -> Result<Refitte
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::{Command, Sample};
     use crate::lm::LevenbergMarquardt;
     use crate::{ModelChoice, Options, identify};
-    use hydroline_core::run::{Channel, Command, PerChannel, Sample};
     use hydroline_rigs::Dof;
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, Normal};
@@ -111,7 +110,7 @@ mod tests {
         });
         let sample = |k: usize| Sample {
             t_s: 0.1 * k as f64,
-            values: PerChannel::from_fn(|c| if c == Channel::X { 0.0 } else { f64::NAN }),
+            values: std::array::from_fn(|c| if c == 0 { 0.0 } else { f64::NAN }),
             covariance: None,
         };
         let mut run = Run {
@@ -134,7 +133,7 @@ mod tests {
         let noise = Normal::new(0.0, 3e-4).unwrap();
         let mut rng = StdRng::seed_from_u64(4);
         for (sample, x_m) in run.samples.iter_mut().zip(truth) {
-            sample.values[Channel::X] = x_m + noise.sample(&mut rng);
+            sample.values[0] = x_m + noise.sample(&mut rng);
         }
         run
     }

@@ -13,9 +13,10 @@ mod names;
 mod options;
 mod watch;
 
+use hydroline_identify::data::CHANNELS;
+
 use super::map::PLACES;
 use super::table::Imported;
-pub(crate) use finding::FindingList;
 pub use finding::{Finding, Severity};
 pub use options::Options;
 pub(crate) use watch::{Spoilt, Watch};
@@ -65,5 +66,8 @@ fn too_short(rows: usize) -> Finding {
 
 /// Name of a channel for messages.
 fn name(place: usize) -> &'static str {
-    super::map::place_name(place)
+    CHANNELS
+        .get(place)
+        .copied()
+        .unwrap_or_else(|| super::map::place_name(place))
 }

@@ -1,7 +1,7 @@
 //! The time of a row.
 
 use crate::cells::Cells;
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::layout::Layout;
 use crate::map::{Column, Map, TimeMap, TimeSource};
 use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
@@ -219,37 +219,37 @@ impl Clock {
     /// What the clock found, `origin_ns` being the first row's time.
     pub fn report(&self, time: &TimeMap, origin_ns: Option<i128>, findings: &mut Vec<Finding>) {
         if let Some(line) = self.beyond_bits {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "unwrap",
                 Some(line),
                 format!(
                     "the counter on line {line} is none of {} bits: is time.unwrap right?",
                     self.unwrap_bits.unwrap_or(0)
                 ),
-            );
+            ));
         }
         if self.turns > 0 {
-            findings.info(
+            findings.push(Finding::info(
                 "unwrapped",
                 format!(
                     "the counter of time passed its end {} time(s) and was continued",
                     self.turns
                 ),
-            );
+            ));
         } else if let Some(bits) = self.unwrap_bits {
-            findings.info(
+            findings.push(Finding::info(
                 "unwrapped",
                 format!("the counter of time never passed the end of its {bits} bits"),
-            );
+            ));
         }
         if self.midnights > 0 {
-            findings.info(
+            findings.push(Finding::info(
                 "midnight",
                 format!(
                     "the clock of the day passed midnight {} time(s) and was continued",
                     self.midnights
                 ),
-            );
+            ));
         }
         if let Some(even) = &self.even {
             even.report(findings);
@@ -260,29 +260,34 @@ impl Clock {
         };
         let origin_s = origin_ns as f64 * 1e-9;
         if !time.unix && time.start_unix_s.is_none() && origin_ns != 0 {
-            findings.info(
+            findings.push(Finding::info(
                 "clock_zero",
                 format!(
                     "the file's clock begins at {origin_s:.6} s: the log counts from there, and keeps that number for join"
                 ),
-            );
+            ));
         }
         let numbers = matches!(time.source, TimeSource::Numbers(_)) && time.epoch_ns == 0;
         if time.unix && numbers && (0.0..UNIX_EARLIEST_S).contains(&origin_s) {
-            findings.fault(
+            findings.push(Finding::fault(
                 "time_clock",
+                None,
                 format!(
                     "time.clock is 'unix' but the first stamp is {origin_s:.3} s, in {}: is the clock 'relative', or time.unit another than '{}'?",
                     1970 + (origin_s / 31_556_952.0) as i64,
-                    time.unit,
+                    time.unit
                 ),
-            );
+            ));
         }
     }
 
     fn report_zones(&self, findings: &mut Vec<Finding>) {
         if let [(None, line)] = self.zones[..] {
-            findings.warning_at("time_zone_missing", Some(line), "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be distinguished from a gap".to_owned());
+            findings.push(Finding::warning(
+                "time_zone_missing",
+                Some(line),
+                "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be distinguished from a gap".to_owned(),
+            ));
         }
         if self.zones.len() > 1 {
             let words: Vec<String> = self
@@ -293,7 +298,7 @@ impl Clock {
                     None => format!("no zone from line {line}"),
                 })
                 .collect();
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "mixed_time_zones",
                 self.zones.get(1).map(|z| z.1),
                 format!(
@@ -301,7 +306,7 @@ impl Clock {
                     self.zones.len(),
                     words.join(", ")
                 ),
-            );
+            ));
         }
     }
 }
@@ -339,14 +344,15 @@ pub(crate) fn start_ns(time: &TimeMap, origin_ns: i128, findings: &mut Vec<Findi
     // 1970 .. 2096.
     let range = 0..=4_000_000_000 * SECOND_NS;
     if !range.contains(&unix_ns) {
-        findings.fault(
+        findings.push(Finding::fault(
             "time_unit",
+            None,
             format!(
                 "the first stamp is UNIX {:.3e} s, outside 1970 .. 2096: is time.unit '{}' right?",
                 unix_ns as f64 * 1e-9,
                 time.unit
             ),
-        );
+        ));
     }
     u64::try_from(unix_ns.clamp(*range.start(), *range.end())).unwrap_or(0)
 }

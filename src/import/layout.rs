@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 
 use crate::cells::Splitter;
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::map::{Column, FileMap, Separator};
 use crate::source::Source;
 use crate::text::{Format, Lines};
@@ -124,13 +124,13 @@ impl Layout {
         let mut notes = Vec::new();
         let width = self.width();
         if self.usual > width && width > 0 {
-            notes.info(
+            notes.push(Finding::info(
                 "empty_columns",
                 format!(
                     "rows have {} cells, the header {width}: those beyond it are empty and dropped",
                     self.usual
                 ),
-            );
+            ));
         } else if self.usual < width && self.usual > 0 {
             let named: Vec<&str> = self.header[self.usual..]
                 .iter()
@@ -142,13 +142,13 @@ impl Layout {
             } else {
                 format!("'{}' stands in no row", named.join("', '"))
             };
-            notes.info(
+            notes.push(Finding::info(
                 "empty_columns",
                 format!(
                     "the header has {width} names, rows {} cells: {words}, dropped",
                     self.usual
                 ),
-            );
+            ));
         }
         notes
     }
@@ -159,13 +159,14 @@ impl Layout {
             Column::Number(n) => {
                 let there = self.width().max(self.usual);
                 if *n > there {
-                    findings.fault(
+                    findings.push(Finding::fault(
                         "column_missing",
+                        None,
                         format!(
                             "{key}: no column {n}, there are {there}; separator '{}'",
                             self.separator
                         ),
-                    );
+                    ));
                     return None;
                 }
                 return Some(n - 1);
@@ -179,38 +180,41 @@ impl Layout {
             ([one], None) => Some(*one),
             (several, Some(n)) if (1..=several.len()).contains(n) => several.get(n - 1).copied(),
             ([], _) => {
-                findings.fault(
+                findings.push(Finding::fault(
                     "column_missing",
+                    None,
                     format!(
                         "{key}: no column '{name}' in the header ({}); separator '{}'{}",
                         self.header.join(" | "),
                         self.separator,
                         self.hint(name)
                     ),
-                );
+                ));
                 None
             }
             (several, Some(n)) => {
-                findings.fault(
+                findings.push(Finding::fault(
                     "column_missing",
+                    None,
                     format!(
                         "{key}: nth = {n}, but the header has {} columns '{name}'",
                         several.len()
                     ),
-                );
+                ));
                 None
             }
             (several, None) => {
                 let numbers: Vec<String> = several.iter().map(|i| (i + 1).to_string()).collect();
-                findings.fault(
+                findings.push(Finding::fault(
                     "column_twice",
+                    None,
                     format!(
                         "{key}: the header has {} columns '{name}' (numbers {}); say which with nth = 1 .. {}, or give the number as column",
                         several.len(),
                         numbers.join(", "),
-                        several.len(),
+                        several.len()
                     ),
-                );
+                ));
                 None
             }
         }

@@ -7,8 +7,8 @@ mod raw;
 use std::fmt;
 use std::path::Path;
 
-pub use hydroline_core::run::COMPANIONS;
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
+pub use hydroline_identify::data::COMPANIONS;
 
 pub(crate) use check::dimension;
 pub use error::MapError;
@@ -278,12 +278,16 @@ pub struct Map {
 }
 
 /// Number of channels and companions.
-pub const PLACES: usize = Channel::ALL.len() + COMPANIONS.len();
+pub const PLACES: usize = 12 + COMPANIONS.len();
 
 /// Name of a place.
 pub fn place_name(place: usize) -> &'static str {
-    let channels = Channel::ALL.into_iter().map(Channel::name);
-    channels.chain(COMPANIONS).nth(place).unwrap_or("?")
+    CHANNELS
+        .iter()
+        .chain(&COMPANIONS)
+        .nth(place)
+        .copied()
+        .unwrap_or("?")
 }
 
 impl Map {

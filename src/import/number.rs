@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::check::{Finding, FindingList};
+use super::check::Finding;
 use super::map::{FileMap, Map};
 
 /// A finite number with the file's decimal sign.
@@ -186,7 +186,7 @@ impl BadCells {
                     Self::thousands(cell, &map.file)
                 ),
             };
-            findings.fault_at(kind, Some(*line), words);
+            findings.push(Finding::fault(kind, Some(*line), words));
         }
     }
 }

@@ -26,7 +26,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::map::Map;
 use crate::source::Source;
 pub use contents::{Contents, FieldContents, TopicContents};
@@ -231,13 +231,13 @@ impl Recording {
         let (rows, found) = writer.finish()?;
         findings.extend(found);
         let of = if several { ", one for each stamp" } else { "" };
-        findings.info(
+        findings.push(Finding::info(
             "recorded",
             format!(
                 "{}: read as a table of {rows} rows{of}; line n of a finding is its row n - 1, in the order of stamps",
-                self.contents.kind,
+                self.contents.kind
             ),
-        );
+        ));
         Ok(RecordedTable {
             scratch,
             map: own,

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 
 use crate::cells::{Cells, Splitter};
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::layout::{Layout, is_aside};
 use crate::map::{FileMap, Separator};
 use crate::text::Lines;
@@ -123,14 +123,14 @@ impl Form {
     pub fn report(&self, layout: &Layout, findings: &mut Vec<Finding>) {
         let Tally { count, first } = self.short;
         if count > 0 {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "truncated_rows",
                 Some(first),
                 format!(
                     "{count} row(s) have fewer cells than the header's {}, the first on line {first}; was the file cut?",
-                    layout.width(),
+                    layout.width()
                 ),
-            );
+            ));
         }
         let Tally { count, first } = self.long;
         if count > 0 {
@@ -139,43 +139,48 @@ impl Form {
             } else {
                 "is the separator right?"
             };
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "too_many_cells",
                 Some(first),
                 format!(
                     "{count} row(s) have more cells than the header's {}, the first on line {first}; {hint}",
-                    layout.width(),
+                    layout.width()
                 ),
-            );
+            ));
         }
         let Tally { count, first } = self.open;
         if count > 0 {
-            findings.fault_at("unreadable_row", Some(first), format!("{count} quoted cell(s) have no end, the first begins on line {first}; mend the quotes"));
+            findings.push(Finding::fault(
+                "unreadable_row",
+                Some(first),
+                format!("{count} quoted cell(s) have no end, the first begins on line {first}; mend the quotes"),
+            ));
         }
         if let Some(line) = self.segment {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "segments",
                 Some(line),
                 format!(
                     "line {line} begins another segment with a header of its own, as LabVIEW writes them: import each into a log of its own. [file] last_line = {} is the first; cut the file before line {line} for the next",
-                    line - 1,
+                    line - 1
                 ),
-            );
+            ));
         }
         if self.endless.is_some() {
-            findings.fault(
+            findings.push(Finding::fault(
                 "unreadable_row",
+                None,
                 "a line of more than 4 MiB: no table, or line ends of another kind".to_owned(),
-            );
+            ));
         }
         if let Some(line) = self.wrong_encoding {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "encoding",
                 Some(line),
                 format!(
                     "line {line} is not UTF-8 text: set [file] encoding = \"latin1\" (or \"utf-16\"), or export the table as UTF-8"
                 ),
-            );
+            ));
         }
         findings.extend(self.cut.finding());
     }

@@ -1,6 +1,5 @@
 //! ISO 8601 stamps with their zone, and stamps by a pattern.
 
-use chrono::NaiveDate;
 use chrono::format::{Item, Parsed, StrftimeItems, parse as parse_items};
 
 use super::number::{exact, nanoseconds};
@@ -18,20 +17,25 @@ pub fn parse(text: &str) -> Option<(i128, Zone)> {
     let text = text.trim();
     let (date, rest) = text.split_at_checked(10)?;
     let mut parts = date.split('-');
-    let mut number = || parts.next()?.parse::<u32>().ok();
+    let mut number = || parts.next()?.parse::<i64>().ok();
     let (year, month, day) = (number()?, number()?, number()?);
-    let date = NaiveDate::from_ymd_opt(year.try_into().ok()?, month, day)?;
+    if !(1..=12).contains(&month) || !(1..=days_in(year, month)).contains(&day) {
+        return None;
+    }
     let rest = rest.strip_prefix(['T', 't', ' '])?;
     let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
     let (clock, zone) = rest.split_at(zone_at);
     let mut parts = clock.trim_end().split(':');
-    let hour: u32 = parts.next()?.parse().ok()?;
-    let minute: u32 = parts.next()?.parse().ok()?;
-    let to_the_minute = date.and_hms_opt(hour, minute, 0)?.and_utc().timestamp();
+    let hour: i64 = parts.next()?.parse().ok()?;
+    let minute: i64 = parts.next()?.parse().ok()?;
     // Both signs are the standard's.
     let second = parts.next().unwrap_or("0").replace(',', ".");
     let second_ns = nanoseconds(exact(&second, '.')?, SECOND_NS)?;
-    if !(0..61 * SECOND_NS).contains(&second_ns) || parts.next().is_some() {
+    if !(0..24).contains(&hour)
+        || !(0..60).contains(&minute)
+        || !(0..61 * SECOND_NS).contains(&second_ns)
+        || parts.next().is_some()
+    {
         return None;
     }
     let zone = match zone.trim() {
@@ -51,8 +55,28 @@ pub fn parse(text: &str) -> Option<(i128, Zone)> {
             )
         }
     };
-    let utc = to_the_minute - i64::from(zone.unwrap_or(0)) * 60;
-    Some((i128::from(utc) * SECOND_NS + second_ns, zone))
+    let whole = days(year, month, day) * 86_400 + hour * 3600 + minute * 60
+        - i64::from(zone.unwrap_or(0)) * 60;
+    Some((i128::from(whole) * SECOND_NS + second_ns, zone))
+}
+
+/// Days of a month of the Gregorian calendar.
+fn days_in(year: i64, month: i64) -> i64 {
+    let (next_year, next) = if month == 12 {
+        (year + 1, 1)
+    } else {
+        (year, month + 1)
+    };
+    days(next_year, next, 1) - days(year, month, 1)
+}
+
+/// Days since 1970-01-01 of a Gregorian date (Howard Hinnant, chrono-compatible date algorithms).
+fn days(year: i64, month: i64, day: i64) -> i64 {
+    let y = if month <= 2 { year - 1 } else { year };
+    let era = y.div_euclid(400);
+    let of_era = y - era * 400;
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468
 }
 
 /// A pattern as of `strftime`, made ready.

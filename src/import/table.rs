@@ -7,7 +7,7 @@ use std::io;
 
 use hydroline_rigs::Rig;
 
-use crate::check::{Finding, FindingList, Severity};
+use crate::check::{Finding, Severity};
 use crate::clock::{Clock, granularity, start_ns};
 use crate::layout::Layout;
 use crate::map::{Map, Missing, PLACES};
@@ -182,12 +182,12 @@ pub(crate) fn pass(
         findings,
     };
     if layout.header.is_empty() {
-        findings.fault_at(
+        findings.push(Finding::fault(
             "header",
             map.file.header_line,
             "there is no row to read: is the file empty, or file.header_line beyond its end?"
                 .to_owned(),
-        );
+        ));
         return Ok(nothing(findings));
     }
     let columns = Columns::find(map, &layout, rig, &mut findings);

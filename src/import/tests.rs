@@ -308,8 +308,7 @@ fn a_map_that_is_wrong_says_where() {
 
 #[test]
 fn a_table_at_rest_leaves_its_noise_in_the_log() {
-    use hydroline_core::run::StillNoise;
-    use hydroline_identify::data::load;
+    use hydroline_identify::data::{StillNoise, load};
     let still = table(1000, |k, c| {
         // A hash of k: no motion, no period.
         let noise = |salt: u64| {

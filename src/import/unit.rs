@@ -38,16 +38,18 @@ pub struct Unit {
     others: &'static [&'static str],
 }
 
-/// Units, each in a row: what it measures, its name, its factor, other spellings.
-macro_rules! units {
-    ($($dimension:ident $name:literal = $factor:expr => $($other:literal)*;)*) => {
-        &[$(Unit {
-            dimension: $dimension,
-            name: $name,
-            factor: $factor,
-            others: &[$($other),*],
-        }),*]
-    };
+const fn unit(
+    dimension: Dimension,
+    name: &'static str,
+    factor: f64,
+    others: &'static [&'static str],
+) -> Unit {
+    Unit {
+        dimension,
+        name,
+        factor,
+        others,
+    }
 }
 
 const DEG: f64 = PI / 180.0;
@@ -61,62 +63,175 @@ const GRAVITY: f64 = 9.806_65;
 const POUND_KG: f64 = 0.453_592_37;
 
 /// In the order in which messages list them.
-pub static UNITS: &[Unit] = units! {
-    Length "m" = 1.0 => "meter" "meters" "metre" "metres";
-    Length "cm" = 0.01 => "centimeter" "centimeters" "centimetres";
-    Length "mm" = 0.001 => "millimeter" "millimeters" "millimetres";
-    Length "um" = 1e-6 => "µm" "μm" "micrometer" "micrometers";
-    Length "km" = 1e3 => "kilometer" "kilometers" "kilometres";
-    Length "ft" = FOOT_M => "foot" "feet";
-    Length "in" = FOOT_M / 12.0 => "inch" "inches";
-    Length "nmi" = 1852.0 => "nautical mile" "nautical miles";
-    Angle "rad" = 1.0 => "radian" "radians";
-    Angle "deg" = DEG => "°" "degree" "degrees" "degs";
-    Angle "mrad" = 1e-3 => "milliradian" "milliradians";
-    Angle "cdeg" = 0.01 * DEG => "centidegree" "centidegrees" "centideg";
-    Angle "arcmin" = DEG / 60.0 => "arcminute" "arcminutes" "minutes of arc";
-    Angle "rev" = TAU => "revolution" "revolutions" "turn" "turns";
-    Speed "m/s" = 1.0 => "mps" "m s-1" "m·s-1" "m s^-1" "m*s^-1" "ms-1" "meters per second";
-    Speed "cm/s" = 0.01 => "cm s-1" "cmps";
-    Speed "mm/s" = 0.001 => "mm s-1" "mmps";
-    Speed "km/h" = 1.0 / 3.6 => "kph" "kmh" "km/hr";
-    Speed "kn" = KNOT_MPS => "kt" "kts" "knot" "knots";
-    Speed "ft/s" = FOOT_M => "fps" "ft s-1" "feet per second";
-    Speed "in/s" = FOOT_M / 12.0 => "ips";
-    Rate "rad/s" = 1.0 => "rad s-1" "rad·s-1" "rad s^-1" "radps" "rad/sec" "radians per second";
-    Rate "deg/s" = DEG => "°/s" "dps" "deg s-1" "deg/sec" "°/sec" "degrees/s" "degrees per second";
-    Rate "mrad/s" = 1e-3 => "mrad s-1";
-    Rate "cdeg/s" = 0.01 * DEG => "cdps" "centidegrees/s";
-    Rate "deg/min" = DEG / 60.0 => "°/min" "dpm";
-    Rate "deg/h" = DEG / 3600.0 => "°/h" "deg/hr" "dph";
-    Rate "rpm" = TAU / 60.0 => "r/min" "rev/min" "1/min" "min-1" "u/min";
-    Rate "rps" = TAU => "rev/s" "1/s" "hz" "s-1";
-    Force "N" = 1.0 => "newton" "newtons";
-    Force "mN" = 1e-3 => "millinewton" "millinewtons";
-    Force "kN" = 1e3 => "kilonewton" "kilonewtons";
-    Force "gf" = 1e-3 * GRAVITY => "gram-force";
-    Force "kgf" = GRAVITY => "kp" "kg-force" "kilogram-force";
-    Force "lbf" = POUND_KG * GRAVITY => "lbs" "pound-force";
-    Force "ozf" = POUND_KG * GRAVITY / 16.0 => "ounce-force";
-    Moment "N m" = 1.0 => "nm" "n·m" "n*m" "n-m" "newton metres" "newton meters";
-    Moment "mN m" = 1e-3 => "n mm" "n·mm" "nmm" "mnm";
-    Moment "N cm" = 1e-2 => "ncm" "n·cm";
-    Moment "kN m" = 1e3 => "knm" "kn·m";
-    Moment "kgf m" = GRAVITY => "kgf·m" "kgfm";
-    Moment "lbf ft" = POUND_KG * GRAVITY * FOOT_M => "ft lbf" "ft-lbf" "lb-ft" "ft-lb";
-    Moment "lbf in" = POUND_KG * GRAVITY * FOOT_M / 12.0 => "in lbf" "in-lbf" "lb-in" "in-lb";
-    Time "s" = 1.0 => "sec" "secs" "second" "seconds";
-    Time "ms" = 1e-3 => "msec" "millis" "millisecond" "milliseconds";
-    Time "us" = 1e-6 => "µs" "μs" "usec" "micros" "microsecond" "microseconds";
-    Time "ns" = 1e-9 => "nsec" "nanos" "nanosecond" "nanoseconds";
-    Time "min" = 60.0 => "minute" "minutes";
-    Time "h" = 3600.0 => "hr" "hour" "hours";
-    Time "d" = 86_400.0 => "day" "days";
-    Pulse "us" = 1.0 => "µs" "μs" "pwm" "usec" "microseconds";
-    Pulse "ms" = 1e3 => "msec" "milliseconds";
+pub static UNITS: &[Unit] = &[
+    unit(Length, "m", 1.0, &["meter", "meters", "metre", "metres"]),
+    unit(
+        Length,
+        "cm",
+        0.01,
+        &["centimeter", "centimeters", "centimetres"],
+    ),
+    unit(
+        Length,
+        "mm",
+        0.001,
+        &["millimeter", "millimeters", "millimetres"],
+    ),
+    unit(
+        Length,
+        "um",
+        1e-6,
+        &["µm", "μm", "micrometer", "micrometers"],
+    ),
+    unit(
+        Length,
+        "km",
+        1e3,
+        &["kilometer", "kilometers", "kilometres"],
+    ),
+    unit(Length, "ft", FOOT_M, &["foot", "feet"]),
+    unit(Length, "in", FOOT_M / 12.0, &["inch", "inches"]),
+    unit(Length, "nmi", 1852.0, &["nautical mile", "nautical miles"]),
+    unit(Angle, "rad", 1.0, &["radian", "radians"]),
+    unit(Angle, "deg", DEG, &["°", "degree", "degrees", "degs"]),
+    unit(Angle, "mrad", 1e-3, &["milliradian", "milliradians"]),
+    unit(
+        Angle,
+        "cdeg",
+        0.01 * DEG,
+        &["centidegree", "centidegrees", "centideg"],
+    ),
+    unit(
+        Angle,
+        "arcmin",
+        DEG / 60.0,
+        &["arcminute", "arcminutes", "minutes of arc"],
+    ),
+    unit(
+        Angle,
+        "rev",
+        TAU,
+        &["revolution", "revolutions", "turn", "turns"],
+    ),
+    unit(
+        Speed,
+        "m/s",
+        1.0,
+        &[
+            "mps",
+            "m s-1",
+            "m·s-1",
+            "m s^-1",
+            "m*s^-1",
+            "ms-1",
+            "meters per second",
+        ],
+    ),
+    unit(Speed, "cm/s", 0.01, &["cm s-1", "cmps"]),
+    unit(Speed, "mm/s", 0.001, &["mm s-1", "mmps"]),
+    unit(Speed, "km/h", 1.0 / 3.6, &["kph", "kmh", "km/hr"]),
+    unit(Speed, "kn", KNOT_MPS, &["kt", "kts", "knot", "knots"]),
+    unit(Speed, "ft/s", FOOT_M, &["fps", "ft s-1", "feet per second"]),
+    unit(Speed, "in/s", FOOT_M / 12.0, &["ips"]),
+    unit(
+        Rate,
+        "rad/s",
+        1.0,
+        &[
+            "rad s-1",
+            "rad·s-1",
+            "rad s^-1",
+            "radps",
+            "rad/sec",
+            "radians per second",
+        ],
+    ),
+    unit(
+        Rate,
+        "deg/s",
+        DEG,
+        &[
+            "°/s",
+            "dps",
+            "deg s-1",
+            "deg/sec",
+            "°/sec",
+            "degrees/s",
+            "degrees per second",
+        ],
+    ),
+    unit(Rate, "mrad/s", 1e-3, &["mrad s-1"]),
+    unit(Rate, "cdeg/s", 0.01 * DEG, &["cdps", "centidegrees/s"]),
+    unit(Rate, "deg/min", DEG / 60.0, &["°/min", "dpm"]),
+    unit(Rate, "deg/h", DEG / 3600.0, &["°/h", "deg/hr", "dph"]),
+    unit(
+        Rate,
+        "rpm",
+        TAU / 60.0,
+        &["r/min", "rev/min", "1/min", "min-1", "u/min"],
+    ),
+    unit(Rate, "rps", TAU, &["rev/s", "1/s", "hz", "s-1"]),
+    unit(Force, "N", 1.0, &["newton", "newtons"]),
+    unit(Force, "mN", 1e-3, &["millinewton", "millinewtons"]),
+    unit(Force, "kN", 1e3, &["kilonewton", "kilonewtons"]),
+    unit(Force, "gf", 1e-3 * GRAVITY, &["gram-force"]),
+    unit(Force, "kgf", GRAVITY, &["kp", "kg-force", "kilogram-force"]),
+    unit(Force, "lbf", POUND_KG * GRAVITY, &["lbs", "pound-force"]),
+    unit(Force, "ozf", POUND_KG * GRAVITY / 16.0, &["ounce-force"]),
+    unit(
+        Moment,
+        "N m",
+        1.0,
+        &["nm", "n·m", "n*m", "n-m", "newton metres", "newton meters"],
+    ),
+    unit(Moment, "mN m", 1e-3, &["n mm", "n·mm", "nmm", "mnm"]),
+    unit(Moment, "N cm", 1e-2, &["ncm", "n·cm"]),
+    unit(Moment, "kN m", 1e3, &["knm", "kn·m"]),
+    unit(Moment, "kgf m", GRAVITY, &["kgf·m", "kgfm"]),
+    unit(
+        Moment,
+        "lbf ft",
+        POUND_KG * GRAVITY * FOOT_M,
+        &["ft lbf", "ft-lbf", "lb-ft", "ft-lb"],
+    ),
+    unit(
+        Moment,
+        "lbf in",
+        POUND_KG * GRAVITY * FOOT_M / 12.0,
+        &["in lbf", "in-lbf", "lb-in", "in-lb"],
+    ),
+    unit(Time, "s", 1.0, &["sec", "secs", "second", "seconds"]),
+    unit(
+        Time,
+        "ms",
+        1e-3,
+        &["msec", "millis", "millisecond", "milliseconds"],
+    ),
+    unit(
+        Time,
+        "us",
+        1e-6,
+        &["µs", "μs", "usec", "micros", "microsecond", "microseconds"],
+    ),
+    unit(
+        Time,
+        "ns",
+        1e-9,
+        &["nsec", "nanos", "nanosecond", "nanoseconds"],
+    ),
+    unit(Time, "min", 60.0, &["minute", "minutes"]),
+    unit(Time, "h", 3600.0, &["hr", "hour", "hours"]),
+    unit(Time, "d", 86_400.0, &["day", "days"]),
+    unit(
+        Pulse,
+        "us",
+        1.0,
+        &["µs", "μs", "pwm", "usec", "microseconds"],
+    ),
+    unit(Pulse, "ms", 1e3, &["msec", "milliseconds"]),
     // Pololu's Maestro counts quarters.
-    Pulse "us/4" = 0.25 => "qus" "quarter microseconds";
-};
+    unit(Pulse, "us/4", 0.25, &["qus", "quarter microseconds"]),
+];
 
 /// A unit of a dimension by its name or another spelling of it.
 pub fn find(dimension: Dimension, text: &str) -> Option<&'static Unit> {

@@ -11,7 +11,6 @@ use super::survey::Survey;
 use super::table::{Imported, Sample, pass};
 use behind::Behind;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::run::PerChannel;
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
@@ -348,14 +347,25 @@ impl<'a> Writer<'a> {
 
     fn motion(&self, row: &Sample) -> pb::VehicleMotion {
         let value = |c: usize| Some(row.values[c]).filter(|v| v.is_finite());
-        let channels = PerChannel::from_fn(|c| value(c.index()));
         pb::VehicleMotion {
+            timestamp: Some(timestamp(self.at(row.t_s))),
+            x_m: value(0),
+            y_m: value(1),
+            z_m: value(2),
+            phi_rad: value(3),
+            theta_rad: value(4),
+            psi_rad: value(5),
+            u_mps: value(6),
+            v_mps: value(7),
+            w_mps: value(8),
+            p_radps: value(9),
+            q_radps: value(10),
+            r_radps: value(11),
             covariance: self.covariance.clone(),
             rudder_rad: value(12),
             elevator_rad: value(13),
             shaft_radps: value(14),
             wave_m: value(15),
-            ..pb::VehicleMotion::of(self.at(row.t_s), channels)
         }
     }
 }

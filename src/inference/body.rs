@@ -3,7 +3,6 @@
 mod ask;
 mod simulate;
 
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::Vehicle;
 use hydroline_sim::Given;
@@ -54,10 +53,10 @@ pub struct Body {
     pub inputs: Vec<Option<Given>>,
     /// The vehicle's numbers.
     pub own: Vec<Own>,
-    /// Per run the states that are free at its start.
-    pub starts: Vec<Vec<Channel>>,
+    /// Per run the states that are free at its start: 0..6 pose, 6..12 rates.
+    pub starts: Vec<Vec<usize>>,
     /// Values of the states that are not.
-    pub rest: Vec<PerChannel<f64>>,
+    pub rest: Vec<[f64; 12]>,
     /// Where one DOF alone moves and its position alone is measured: its line in every run.
     pub lines: Vec<Line>,
     /// Candidates.
@@ -67,7 +66,7 @@ pub struct Body {
     /// Linearised response per DOF to a force per unit of mass.
     pub responses: [Response; 6],
     /// Largest tolerable rms per channel.
-    pub tolerance: PerChannel<f64>,
+    pub tolerance: [f64; 12],
     /// Longest step of the integration \[s\].
     pub step_max_s: f64,
 }
@@ -75,14 +74,14 @@ pub struct Body {
 /// Numbers of a model, scaled: the vehicle's own, each term's, each run's start.
 pub type Point = Vec<f64>;
 
-/// What simulations of one run give: residual's counterpart (channels per sample, rotated) and, column by column, its
+/// What simulations of one run give: residual's counterpart (12 channels per sample, rotated) and, column by column, its
 /// derivatives by the scaled numbers.
 #[derive(Debug, Clone)]
 pub struct Simulated {
     /// Channels per sample.
-    pub values: Vec<PerChannel<f64>>,
+    pub values: Vec<[f64; 12]>,
     /// Per number that acts on this run: (its index in the point, derivative per sample).
-    pub columns: Vec<(usize, Vec<PerChannel<f64>>)>,
+    pub columns: Vec<(usize, Vec<[f64; 12]>)>,
 }
 
 /// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
@@ -95,13 +94,12 @@ const RATE_SD: f64 = 4.0;
 /// Rate of a DOF at a run's start as a straight line over its first samples says; 0 where it does not differ from rest.
 /// A log that begins under way is distinguished from one at rest by this: a fit that begins at rest never finds it.
 fn under_way(r: &Recorded, dof: usize) -> f64 {
-    let [place, rate] = Channel::of(dof);
-    if let Some(rate) = r.first(rate) {
+    if let Some(rate) = r.first(6 + dof) {
         return rate;
     }
     let begin_s = r.times_s.first().copied().unwrap_or(0.0);
     let all: Vec<(f64, f64)> = (0..r.times_s.len())
-        .map(|k| (r.times_s[k] - begin_s, r.measured(k)[place]))
+        .map(|k| (r.times_s[k] - begin_s, r.measured(k)[dof]))
         .filter(|(_, v)| v.is_finite())
         .collect();
     let within = all
@@ -161,9 +159,9 @@ impl Body {
         let mut point = vec![0.0; self.own.len()];
         for (run, free) in self.starts.iter().enumerate() {
             let r = &self.recording.runs[run];
-            point.extend(free.iter().map(|c| match c.is_rate() {
-                false => self.rest[run][*c],
-                true => under_way(r, c.dof().index()),
+            point.extend(free.iter().map(|c| match c {
+                0..6 => self.rest[run][*c],
+                _ => under_way(r, c - 6),
             }));
         }
         point
@@ -181,9 +179,9 @@ impl Body {
             all.extend(self.candidates[*t].scales.iter().map(|s| s.density));
         }
         for (run, free) in self.starts.iter().enumerate() {
-            all.extend(free.iter().map(|c| match c.is_rate() {
-                false => Density::normal(self.rest[run][*c], self.prior.start_place),
-                true => Density::Student {
+            all.extend(free.iter().map(|c| match c {
+                0..6 => Density::normal(self.rest[run][*c], self.prior.start_place),
+                _ => Density::Student {
                     centre: 0.0,
                     scale: self.prior.start_rate,
                     freedom: 1.0,

@@ -62,10 +62,10 @@ pub struct Closed {
     pub forms: Vec<Form>,
     /// Probability that it has no form of the grammar.
     pub none: f64,
-    /// Its forms stand in its place: together they are likely, and predict runs from the others as well as the table does.
+    /// Its forms stand in its place: together they are likely, and predict held-out runs as well as the table does.
     pub stands: bool,
-    /// Each run as the others predict it: (the likeliest form, the table); `None` where that was not asked.
-    pub one_run_out: Option<(Rms, Rms)>,
+    /// Runs left out: (the likeliest form, the table); `None` where that was not asked.
+    pub left_out: Option<(Rms, Rms)>,
 }
 
 /// Writes down the unnamed forces that a search found.
@@ -229,14 +229,14 @@ fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, F
         none,
         stands: 1.0 - none >= STANDS && !forms.is_empty(),
         forms,
-        one_run_out: None,
+        left_out: None,
     };
     // With one run alone there is none to leave out.
     if made.stands && problem.body.recording.runs.len() > 1 {
         let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?.values));
-        made.one_run_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
+        made.left_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
         made.stands = made
-            .one_run_out
+            .left_out
             .is_some_and(|(form, table)| !problem.is_worse(&form, &table));
     }
     made

@@ -35,14 +35,6 @@ pub struct Force {
     pub correlation_s: f64,
 }
 
-impl Force {
-    /// No force.
-    pub const NONE: Force = Force {
-        sd_mps2: 0.0,
-        correlation_s: 1.0,
-    };
-}
-
 /// What the instruments add to position and rate of a DOF; `None` = not measured.
 pub type Instruments = [Option<Noise>; 2];
 

@@ -19,7 +19,7 @@ use super::number_prior::NumberPrior;
 use super::prior::PriorTable;
 use super::recording::Recording;
 use super::term::{Candidate, Kind};
-use hydroline_core::run::{Channel, PerChannel, Run};
+use hydroline_identify::data::Run;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 
@@ -269,18 +269,17 @@ impl Problem {
     }
 
     /// All runs.
-    pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<PerChannel<f64>>> {
+    pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<[f64; 12]>> {
         (0..self.runs())
             .into_par_iter()
             .map(|run| self.body.values(run, terms, point))
             .collect()
     }
 
-    /// Channels of one DOF that are measured, by their places among its two.
+    /// Channels of one DOF that are measured.
     fn measured(&self, dof: usize) -> Vec<usize> {
-        let both = Channel::of(dof);
         (0..2)
-            .filter(|c| self.noises.channels[both[*c]].is_some())
+            .filter(|c| self.noises.channels[dof + 6 * c].is_some())
             .collect()
     }
 
@@ -289,7 +288,7 @@ impl Problem {
         &self,
         run: usize,
         dof: usize,
-        values: &[PerChannel<f64>],
+        values: &[[f64; 12]],
         filter: &Filter,
     ) -> Vec<[f64; 2]> {
         let r = &self.body.recording.runs[run];
@@ -299,7 +298,13 @@ impl Problem {
             .enumerate()
             .map(|(k, p)| {
                 let m = r.measured(k);
-                Channel::of(dof).map(|c| if used[k][c] { m[c] - p[c] } else { 0.0 })
+                [0, 1].map(|c| {
+                    if used[k][dof + 6 * c] {
+                        m[dof + 6 * c] - p[dof + 6 * c]
+                    } else {
+                        0.0
+                    }
+                })
             })
             .collect();
         filter.apply(&mut series);
@@ -310,15 +315,15 @@ impl Problem {
     pub fn white_column(
         &self,
         dof: usize,
-        column: &[PerChannel<f64>],
+        column: &[[f64; 12]],
         filter: &Filter,
     ) -> Option<Vec<[f64; 2]>> {
-        let both = Channel::of(dof);
-        let measured = |c: &&Channel| self.noises.channels[**c].is_some();
-        let mut each = column.iter();
-        let acts = each.any(|v| both.iter().filter(measured).any(|c| v[*c] != 0.0));
+        let measured = self.measured(dof);
+        let acts = column
+            .iter()
+            .any(|v| measured.iter().any(|c| v[dof + 6 * c] != 0.0));
         acts.then(|| {
-            let mut series: Vec<[f64; 2]> = column.iter().map(|v| both.map(|c| v[c])).collect();
+            let mut series: Vec<[f64; 2]> = column.iter().map(|v| [v[dof], v[6 + dof]]).collect();
             filter.apply(&mut series);
             series
         })
@@ -384,7 +389,7 @@ impl Problem {
     /// without the constant.
     ///
     /// `values` = channels per run and sample, rotated as measured ones are.
-    pub fn cost_of(&self, values: &[Vec<PerChannel<f64>>]) -> f64 {
+    pub fn cost_of(&self, values: &[Vec<[f64; 12]>]) -> f64 {
         let median = self.body.prior.misfit_over_tolerance;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
@@ -399,7 +404,7 @@ impl Problem {
     }
 
     /// Cost alone.
-    fn cost(&self, values: &[Vec<PerChannel<f64>>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
+    fn cost(&self, values: &[Vec<[f64; 12]>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
         let mut sum = 0.0;
         for (dof, filters) in filters {
             for (run, (v, filter)) in values.iter().zip(filters).enumerate() {

@@ -5,8 +5,6 @@
 //! and its rate belong together, and rotated into the body by the smoothed attitude: the kinematics between both are exact.
 //! Reference: Fossen 2011, eqs 2.18 and 2.28 (Euler ZYX).
 
-use hydroline_core::run::Channel::{P, Phi, Psi, Q, R, Theta, U, V, W, X, Y, Z};
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::statistics::{median, robust_sd};
 use hydroline_sim::Given;
 use hydroline_sim::given::Curve;
@@ -27,8 +25,8 @@ pub fn given(
     r: &Recorded,
     given: &[usize],
     simulated: &[usize],
-    rest: &PerChannel<f64>,
-    tolerance: &PerChannel<f64>,
+    rest: &[f64; 12],
+    tolerance: &[f64; 12],
 ) -> Given {
     let mut made = Given::default();
     for (c, curve) in made.companions.iter_mut().enumerate() {
@@ -39,7 +37,7 @@ pub fn given(
     }
     let others = (0..6).filter(|d| !given.contains(d) && !simulated.contains(d));
     for d in others {
-        if let Some(rate) = steady(r, d, tolerance[Channel::RATES[d]]) {
+        if let Some(rate) = steady(r, d, tolerance[6 + d]) {
             made.rates[d] = Some(Curve::constant(rate));
         }
     }
@@ -50,7 +48,7 @@ pub fn given(
 /// Where steady rates take positions that nobody measured.
 fn carry_on(
     r: &Recorded,
-    rest: &PerChannel<f64>,
+    rest: &[f64; 12],
     given: &[usize],
     simulated: &[usize],
     made: &mut Given,
@@ -65,13 +63,13 @@ fn carry_on(
     if tank == [0.0; 6] {
         return;
     }
-    let m = rotation(rest[Phi], rest[Theta], rest[Psi]);
+    let m = rotation(rest[3], rest[4], rest[5]);
     let along: [f64; 3] = std::array::from_fn(|i| (0..3).map(|j| m[i][j] * tank[j]).sum());
-    for (d, place) in Channel::POSES.into_iter().enumerate() {
+    for d in 0..6 {
         let rate = if d < 3 { along[d] } else { tank[d] };
         let free = made.places[d].is_none() && !simulated.contains(&d);
-        if rate != 0.0 && free && !r.has(place) {
-            let knots = [r.start_s, end_s].map(|t| (t, rest[place] + rate * (t - r.start_s), rate));
+        if rate != 0.0 && free && r.first(d).is_none() {
+            let knots = [r.start_s, end_s].map(|t| (t, rest[d] + rate * (t - r.start_s), rate));
             made.places[d] = Some(Curve::new(&knots));
         }
     }
@@ -80,13 +78,17 @@ fn carry_on(
 /// The steady rate of a DOF that does not move otherwise; `None` where it is none, by its noise or by what matters. Beside a
 /// position that stands a steady rate is its instrument's.
 pub fn steady(r: &Recorded, dof: usize, tolerance: f64) -> Option<f64> {
-    let [place, rate] = Channel::of(dof);
-    if r.has(place) {
+    if r.first(dof).is_some() {
         return None;
     }
-    let seen = r.seen(rate);
-    let middle = median(&mut seen.clone().collect::<Vec<_>>())?;
-    let off: Vec<f64> = seen.map(|v| v - middle).collect();
+    let seen = || {
+        r.values
+            .iter()
+            .map(|v| v[6 + dof])
+            .filter(|v| v.is_finite())
+    };
+    let middle = median(&mut seen().collect::<Vec<_>>())?;
+    let off: Vec<f64> = seen().map(|v| v - middle).collect();
     (middle.abs() > (MOVES * robust_sd(&off)).max(tolerance / 3.0)).then_some(middle)
 }
 
@@ -138,15 +140,18 @@ struct Track {
 
 /// Angles that nobody measured, from stamp to stamp by the measured body rates.
 fn carried(r: &Recorded, angles: &mut [Smoothed; 3]) {
-    let turns = [3, 4, 5].map(Channel::of);
-    let free: Vec<usize> = (0..3).filter(|a| !r.has(turns[*a][0])).collect();
-    if free.is_empty() || !turns.iter().any(|t| r.has(t[1])) {
+    let there = |c: usize| r.values.iter().any(|v| v[c].is_finite());
+    let free: Vec<usize> = (0..3).filter(|a| !there(3 + a)).collect();
+    if free.is_empty() || !(9..12).any(there) {
         return;
     }
     let held = |old: f64, seen: f64| if seen.is_finite() { seen } else { old };
-    let mut rates = Channel::RATES.map(|c| match c.is_angular() {
-        false => 0.0,
-        true => r.first(c).unwrap_or(0.0),
+    let mut rates: [f64; 6] = std::array::from_fn(|d| {
+        if d < 3 {
+            0.0
+        } else {
+            r.first(6 + d).unwrap_or(0.0)
+        }
     });
     for k in 1..r.times_s.len() {
         let dt_s = r.times_s[k] - r.times_s[k - 1];
@@ -155,7 +160,7 @@ fn carried(r: &Recorded, angles: &mut [Smoothed; 3]) {
         };
         let first = eta_rate(&pose(angles, k - 1), &rates);
         for (d, rate) in rates.iter_mut().enumerate().skip(3) {
-            *rate = held(*rate, r.values[k][Channel::RATES[d]]);
+            *rate = held(*rate, r.values[k][6 + d]);
         }
         // Heun: there by the first slope, and again by the mean of both ends'.
         let mut slope = first;
@@ -170,33 +175,34 @@ fn carried(r: &Recorded, angles: &mut [Smoothed; 3]) {
 }
 
 impl Track {
-    fn new(r: &Recorded, rest: &PerChannel<f64>) -> Track {
-        let there = PerChannel::from_fn(|c| r.has(c));
-        let zero = |v: &PerChannel<f64>, c: Channel| if there[c] { v[c] } else { 0.0 };
+    fn new(r: &Recorded, rest: &[f64; 12]) -> Track {
+        let there = |c: usize| r.values.iter().any(|v| v[c].is_finite());
+        let zero = |v: f64, c: usize| if there(c) { v } else { 0.0 };
         let series = |samples: Vec<[f64; 2]>, origin: f64| {
             smooth(&r.times_s, &samples, origin)
                 .unwrap_or_else(|| Smoothed::standing(&r.times_s, origin))
         };
         // The attitude as measured turns body rates; where it is not, it rests, or is what the rates make of it.
-        let position = |d: usize, rate: &dyn Fn(&PerChannel<f64>, usize) -> f64| {
-            let [place, speed] = Channel::of(d);
+        let position = |d: usize, rate: &dyn Fn(&[f64; 12], usize) -> f64| {
             let each = r.values.iter().enumerate();
             let samples =
-                each.map(|(k, v)| [v[place], if there[speed] { rate(v, k) } else { f64::NAN }]);
-            series(samples.collect(), r.first(place).unwrap_or(rest[place]))
+                each.map(|(k, v)| [v[d], if there(6 + d) { rate(v, k) } else { f64::NAN }]);
+            series(samples.collect(), r.first(d).unwrap_or(rest[d]))
         };
         // Rates of the angles need the angles: measured ones as they are, the others carried on by the body rates.
         let mut angles: [Smoothed; 3] = [3, 4, 5].map(|d| position(d, &|_, _| f64::NAN));
         carried(r, &mut angles);
         for _ in 0..ROUNDS {
             let tilt = |k: usize| [0, 1].map(|a: usize| angles[a].states[k][0].sin_cos());
-            let turn = |v: &PerChannel<f64>, k: usize| {
+            let turn = |v: &[f64; 12], k: usize| {
                 let [(sf, cf), (_, ct)] = tilt(k);
-                (zero(v, Q) * sf + zero(v, R) * cf) / ct
+                (zero(v[10], 10) * sf + zero(v[11], 11) * cf) / ct
             };
             angles = [
-                position(3, &|v, k| v[P] + turn(v, k) * tilt(k)[1].0),
-                position(4, &|v, k| v[Q] * tilt(k)[0].1 - zero(v, R) * tilt(k)[0].0),
+                position(3, &|v, k| v[9] + turn(v, k) * tilt(k)[1].0),
+                position(4, &|v, k| {
+                    v[10] * tilt(k)[0].1 - zero(v[11], 11) * tilt(k)[0].0
+                }),
                 position(5, &turn),
             ];
         }
@@ -204,26 +210,20 @@ impl Track {
             let [phi, theta, psi] = [0, 1, 2].map(|a: usize| angles[a].states[k][0]);
             rotation(phi, theta, psi)
         };
-        let along = |v: &PerChannel<f64>, k: usize, row: usize| {
+        let along = |v: &[f64; 12], k: usize, row: usize| {
             let m = attitude(k);
-            let each = m[row].iter().zip([U, V, W]);
-            each.map(|(m, c)| m * zero(v, c)).sum::<f64>()
+            (0..3)
+                .map(|j| m[row][j] * zero(v[6 + j], 6 + j))
+                .sum::<f64>()
         };
-        let rates = there[U] && there[V];
-        let planar = rates || (there[X] && there[Y]);
-        let place = |c: Channel, known: bool| {
+        let rates = there(6) && there(7);
+        let planar = rates || (there(0) && there(1));
+        let place = |d: usize, known: bool| {
             let each = r.values.iter().enumerate();
-            let along = |v, k| {
-                if known {
-                    along(v, k, c.index())
-                } else {
-                    f64::NAN
-                }
-            };
-            let samples = each.map(|(k, v)| [v[c], along(v, k)]);
-            series(samples.collect(), r.first(c).unwrap_or(rest[c]))
+            let samples = each.map(|(k, v)| [v[d], if known { along(v, k, d) } else { f64::NAN }]);
+            series(samples.collect(), r.first(d).unwrap_or(rest[d]))
         };
-        let [x, y, z] = [place(X, rates), place(Y, rates), place(Z, there[W])];
+        let [x, y, z] = [place(0, rates), place(1, rates), place(2, there(8))];
         let [phi, theta, psi] = angles;
         Track {
             coordinates: [x, y, z, phi, theta, psi],
@@ -264,7 +264,7 @@ impl Track {
 }
 
 /// Given DOFs of a run into curves.
-fn moving(r: &Recorded, given: &[usize], rest: &PerChannel<f64>, made: &mut Given) {
+fn moving(r: &Recorded, given: &[usize], rest: &[f64; 12], made: &mut Given) {
     let track = Track::new(r, rest);
     let at = knots(&r.times_s);
     let bodies: Vec<[(f64, f64); 6]> = at.iter().map(|t| track.body(*t)).collect();
@@ -276,9 +276,12 @@ fn moving(r: &Recorded, given: &[usize], rest: &PerChannel<f64>, made: &mut Give
             Some(Curve::new(&each.collect::<Vec<_>>()))
         } else {
             // One of x and y alone cannot be rotated: it is the body's own.
-            let both = Channel::of(d);
-            let samples: Vec<[f64; 2]> = r.values.iter().map(|v| both.map(|c| v[c])).collect();
-            let own = smooth(&r.times_s, &samples, rest[both[0]]);
+            let samples = r
+                .values
+                .iter()
+                .map(|v| [v[d], v[6 + d]])
+                .collect::<Vec<_>>();
+            let own = smooth(&r.times_s, &samples, rest[d]);
             own.map(|s| curve(&s, |s| (s[1], s[2])))
         };
     }
@@ -287,7 +290,7 @@ fn moving(r: &Recorded, given: &[usize], rest: &PerChannel<f64>, made: &mut Give
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_core::run::{Companions, Run, Sample};
+    use hydroline_identify::data::{Companions, Run, Sample};
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, StandardNormal};
 
@@ -303,19 +306,22 @@ mod tests {
     }
 
     /// A body that moves in all DOFs, integrated finely; channels of `seen` are measured with noise.
-    fn run(seen: &[Channel]) -> Run {
+    fn run(seen: &[usize]) -> Run {
         let mut rng = StdRng::seed_from_u64(3);
         let mut eta = [0.2, -0.1, -0.8, 0.05, 0.02, 0.4];
         let (mut made, steps) = (Run::default(), 40);
         for k in 0..500 {
             let t = 0.04 * f64::from(k);
             let rates = nu(t);
-            let truth = PerChannel::of_state(eta, rates);
-            let values = PerChannel::from_fn(|c| {
+            let values = std::array::from_fn(|c| {
                 let normal: f64 = StandardNormal.sample(&mut rng);
-                let sd = if c.is_rate() { 2e-3 } else { 5e-4 };
+                let (value, sd) = if c < 6 {
+                    (eta[c], 5e-4)
+                } else {
+                    (rates[c - 6], 2e-3)
+                };
                 if seen.contains(&c) {
-                    truth[c] + sd * normal
+                    value + sd * normal
                 } else {
                     f64::NAN
                 }
@@ -337,17 +343,11 @@ mod tests {
         made
     }
 
-    fn worst(seen: &[Channel]) -> [f64; 6] {
+    fn worst(seen: &[usize]) -> [f64; 6] {
         let run = run(seen);
         let r = Recorded::new(&run, 0.0, 60.0);
-        let rest = PerChannel::from_fn(|c| r.first(c).unwrap_or(0.0));
-        let made = given(
-            &r,
-            &[0, 1, 2, 3, 4, 5],
-            &[],
-            &rest,
-            &PerChannel::splat(1e-3),
-        );
+        let rest = std::array::from_fn(|c| r.first(c).unwrap_or(0.0));
+        let made = given(&r, &[0, 1, 2, 3, 4, 5], &[], &rest, &[1e-3; 12]);
         std::array::from_fn(|d| {
             let rate = made.rates[d].as_ref().unwrap();
             let each = (0..450).map(|k| 1.0 + 0.0399 * f64::from(k));
@@ -358,7 +358,7 @@ mod tests {
 
     #[test]
     fn body_rates_come_from_poses_from_rates_and_from_both() {
-        let all = Channel::ALL;
+        let all: Vec<usize> = (0..12).collect();
         for (seen, limit) in [(&all[..6], 3e-3), (&all[6..], 1e-3), (&all[..], 1e-3)] {
             let off = worst(seen);
             assert!(off.iter().all(|v| *v < limit), "{seen:?}: {off:?}");
@@ -367,20 +367,20 @@ mod tests {
 
     #[test]
     fn a_steady_rate_carries_the_hull_and_noise_about_rest_does_not() {
-        let mut run = run(&[Phi]);
+        let mut run = run(&[3]);
         for (k, s) in run.samples.iter_mut().enumerate() {
             let shake = if k % 2 == 0 { 1e-3 } else { -1e-3 };
-            s.values[U] = 0.5 + shake;
-            s.values[V] = shake;
+            s.values[6] = 0.5 + shake;
+            s.values[7] = shake;
         }
         run.companions = Companions {
             times_s: vec![0.0, 1.0],
             values: vec![[0.1, f64::NAN, f64::NAN, f64::NAN]; 2],
         };
         let r = Recorded::new(&run, 0.0, 60.0);
-        let mut rest = PerChannel::splat(0.0);
-        rest[Psi] = std::f64::consts::FRAC_PI_2;
-        let made = given(&r, &[], &[3], &rest, &PerChannel::splat(1e-3));
+        let mut rest = [0.0; 12];
+        rest[5] = std::f64::consts::FRAC_PI_2;
+        let made = given(&r, &[], &[3], &rest, &[1e-3; 12]);
         let at = |c: &Option<Curve>, t: f64| c.as_ref().map(|c| c.at(t));
         assert!((at(&made.rates[0], 3.0).unwrap() - 0.5).abs() < 2e-3);
         assert!(made.rates[1].is_none() && made.rates[3].is_none());

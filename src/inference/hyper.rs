@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{SeedableRng, rngs::StdRng};
@@ -24,15 +23,15 @@ pub const SIZES: [f64; 15] = [
 #[derive(Debug, Clone)]
 pub struct Noises {
     /// Per channel; `None` = not measured.
-    pub channels: PerChannel<Option<Noise>>,
+    pub channels: [Option<Noise>; 12],
     /// Per run, sample and channel.
-    pub used: Vec<Vec<PerChannel<bool>>>,
+    pub used: Vec<Vec<[bool; 12]>>,
 }
 
 impl Noises {
     /// Channels that are noisier than before stay as they were.
     pub fn no_larger_than(&mut self, before: &Noises) {
-        for c in Channel::ALL {
+        for c in 0..self.channels.len() {
             let (Some(new), Some(old)) = (&self.channels[c], &before.channels[c]) else {
                 continue;
             };
@@ -50,7 +49,7 @@ impl Noises {
     /// Nothing measured.
     pub fn none() -> Noises {
         Noises {
-            channels: PerChannel::splat(None),
+            channels: [None; 12],
             used: Vec::new(),
         }
     }
@@ -134,13 +133,11 @@ impl Worth {
             .par_iter()
             .map(|&d| {
                 // Positions where they are measured, rates else.
-                let [place, rate] = Channel::of(d);
-                let which = usize::from(!channels[place] && channels[rate]);
-                let channel = [place, rate][which];
-                let own = Own::new(all, channel);
+                let which = usize::from(!channels[d] && channels[6 + d]);
+                let own = Own::new(all, d + 6 * which);
                 let each = std::array::from_fn(|c| {
                     let rms = own.worth(body, d, which, CORRELATIONS_S[c]);
-                    body.tolerance[channel] / rms.max(1e-12)
+                    body.tolerance[d + 6 * which] / rms.max(1e-12)
                 });
                 (d, each)
             })
@@ -167,7 +164,7 @@ struct Own {
 }
 
 impl Own {
-    fn new(all: &[Simulated], channel: Channel) -> Own {
+    fn new(all: &[Simulated], channel: usize) -> Own {
         let rows: usize = all.iter().map(|s| s.values.len()).sum();
         let size = all
             .iter()
@@ -261,8 +258,7 @@ pub fn filters(body: &Body, worth: &Worth, noises: &Noises, dof: usize, cell: Ce
 
 /// The same for any force.
 pub fn with_force(body: &Body, noises: &Noises, dof: usize, force: Force) -> Vec<Filter> {
-    let both = Channel::of(dof);
-    let instruments: Instruments = both.map(|c| noises.channels[c]);
+    let instruments: Instruments = [noises.channels[dof], noises.channels[6 + dof]];
     body.recording
         .runs
         .iter()
@@ -274,7 +270,7 @@ pub fn with_force(body: &Body, noises: &Noises, dof: usize, force: Force) -> Vec
                 body.responses[dof],
                 force,
                 &instruments,
-                |k, c| used[k][both[c]],
+                |k, c| used[k][dof + 6 * c],
             )
         })
         .collect()

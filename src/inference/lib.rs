@@ -22,6 +22,8 @@
 pub mod body;
 pub mod closed;
 mod equations;
+#[cfg(test)]
+mod exact;
 pub mod filter;
 pub mod fit;
 pub mod given;
@@ -42,7 +44,5 @@ pub mod summary;
 pub mod table;
 mod tables;
 pub mod term;
-
 #[cfg(test)]
-#[path = "tests/unit/mod.rs"]
-mod tests;
+mod testing;

@@ -5,7 +5,6 @@
 //! the likelihood times the prior of the table. It is one for all models of a recording; a model that misses does not get
 //! a noise of its own.
 
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::robust_sd;
 use rayon::prelude::*;
@@ -37,13 +36,13 @@ pub type Pairs = Vec<Vec<[f64; 2]>>;
 type Flags = Vec<Vec<[bool; 2]>>;
 
 /// Residuals of a DOF from predicted channels.
-pub fn residuals(body: &Body, predicted: &[Vec<PerChannel<f64>>], dof: usize) -> Pairs {
+pub fn residuals(body: &Body, predicted: &[Vec<[f64; 12]>], dof: usize) -> Pairs {
     let runs = body.recording.runs.iter().zip(predicted);
     runs.map(|(r, p)| {
         let each = p.iter().enumerate();
         each.map(|(k, p)| {
             let m = r.measured(k);
-            Channel::of(dof).map(|c| m[c] - p[c])
+            [m[dof] - p[dof], m[6 + dof] - p[6 + dof]]
         })
         .collect()
     })
@@ -75,11 +74,7 @@ fn fast_sd(series: &Pairs, channel: usize) -> Option<f64> {
 }
 
 /// Noise and outliers of every channel that moves, beside what a model predicts.
-pub fn estimate(
-    body: &Body,
-    predicted: &[Vec<PerChannel<f64>>],
-    before: Option<&Noises>,
-) -> Noises {
+pub fn estimate(body: &Body, predicted: &[Vec<[f64; 12]>], before: Option<&Noises>) -> Noises {
     let found: Vec<(usize, Instruments, Flags)> = body
         .dofs
         .par_iter()
@@ -90,64 +85,38 @@ pub fn estimate(
         })
         .collect();
     let mut made = Noises {
-        channels: PerChannel::splat(None),
+        channels: [None; 12],
         used: body
             .recording
             .runs
             .iter()
-            .map(|r| vec![PerChannel::splat(false); r.times_s.len()])
+            .map(|r| vec![[false; 12]; r.times_s.len()])
             .collect(),
     };
     for (d, noise, used) in found {
-        for (c, channel) in Channel::of(d).into_iter().enumerate() {
-            made.channels[channel] = noise[c];
-            for (made, f) in made.used.iter_mut().flatten().zip(used.iter().flatten()) {
-                made[channel] = f[c];
+        for c in 0..2 {
+            made.channels[d + 6 * c] = noise[c];
+            for (run, flags) in used.iter().enumerate() {
+                for (k, f) in flags.iter().enumerate() {
+                    made.used[run][k][d + 6 * c] = f[c];
+                }
             }
         }
     }
     made
 }
 
-/// Logarithms of the numbers of a [`Noise`].
-#[derive(Debug, Default, Clone, Copy)]
-struct LnNoise {
-    white_sd: f64,
-    coloured_sd: f64,
-    correlation_s: f64,
-}
+/// Numbers of the search: ln white, ln coloured, ln correlation per channel, ln force, ln its correlation time.
+type Numbers = [f64; 8];
 
-/// Numbers of the search, as their logarithms.
-#[derive(Debug, Default, Clone, Copy)]
-struct Numbers {
-    /// Of position and rate.
-    noise: [LnNoise; 2],
-    /// Acceleration of the random force.
-    force_mps2: f64,
-    /// Its correlation time.
-    force_s: f64,
-}
-
-impl Numbers {
-    /// Those that are searched, where these channels are there.
-    fn free(&mut self, there: [bool; 2]) -> Vec<&mut f64> {
-        let noise = self.noise.iter_mut().zip(there).filter(|(_, there)| *there);
-        let noise =
-            noise.flat_map(|(n, _)| [&mut n.white_sd, &mut n.coloured_sd, &mut n.correlation_s]);
-        noise
-            .chain([&mut self.force_mps2, &mut self.force_s])
-            .collect()
-    }
-
-    fn instruments(&self, there: [bool; 2]) -> Instruments {
-        std::array::from_fn(|c| {
-            there[c].then(|| Noise {
-                white_sd: self.noise[c].white_sd.exp(),
-                coloured_sd: self.noise[c].coloured_sd.exp(),
-                correlation_s: self.noise[c].correlation_s.exp(),
-            })
+fn instruments(x: &Numbers, there: [bool; 2]) -> Instruments {
+    std::array::from_fn(|c| {
+        there[c].then(|| Noise {
+            white_sd: x[3 * c].exp(),
+            coloured_sd: x[3 * c + 1].exp(),
+            correlation_s: x[3 * c + 2].exp(),
         })
-    }
+    })
 }
 
 /// Residuals of one DOF, and what is known of its instruments.
@@ -181,22 +150,21 @@ impl<'a> Observed<'a> {
 
     /// Where the search begins: at the noise before, or at the fast part's.
     fn begin(&self, before: Option<&Noises>) -> Numbers {
-        let mut x = Numbers::default();
-        for (c, channel) in Channel::of(self.dof).into_iter().enumerate() {
+        let mut x: Numbers = [0.0; 8];
+        for c in 0..2 {
             let white = self.fast[c].unwrap_or(1.0).ln();
-            let known = before.and_then(|b| b.channels[channel]);
+            let known = before.and_then(|b| b.channels[self.dof + 6 * c]);
             let colour = known.filter(|k| k.coloured_sd > 0.0);
-            let correlation_s = colour.map_or(self.body.prior.colour_s, |k| k.correlation_s);
-            x.noise[c] = LnNoise {
-                white_sd: known.map_or(white, |k| k.white_sd.max(1e-12).ln()),
-                coloured_sd: colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln()),
-                correlation_s: correlation_s.ln(),
-            };
+            x[3 * c] = known.map_or(white, |k| k.white_sd.max(1e-12).ln());
+            x[3 * c + 1] = colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln());
+            x[3 * c + 2] = colour
+                .map_or(self.body.prior.colour_s, |k| k.correlation_s)
+                .ln();
         }
         // An acceleration that is worth the largest residual within a second.
         let all = self.pairs.iter().flatten().flatten();
         let largest = all.filter(|v| v.is_finite());
-        x.force_mps2 = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
+        x[6] = largest.fold(1e-9_f64, |m, v| m.max(v.abs())).ln();
         x
     }
 
@@ -204,11 +172,11 @@ impl<'a> Observed<'a> {
     fn filter(&self, x: &Numbers, run: usize, used: &[[bool; 2]]) -> Filter {
         let r = &self.body.recording.runs[run];
         let force = Force {
-            sd_mps2: x.force_mps2.exp(),
-            correlation_s: x.force_s.exp().clamp(0.1, 60.0),
+            sd_mps2: x[6].exp(),
+            correlation_s: x[7].exp().clamp(0.1, 60.0),
         };
         let response = self.body.responses[self.dof];
-        let made = x.instruments(self.there());
+        let made = instruments(x, self.there());
         Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
             used[k][c]
         })
@@ -228,9 +196,8 @@ impl<'a> Observed<'a> {
         }
         let prior = &self.body.prior;
         for c in (0..2).filter(|c| self.fast[*c].is_some()) {
-            let x = &x.noise[c];
-            let slow = (x.correlation_s - prior.colour_s.ln()) / prior.colour_ln;
-            let large = (x.coloured_sd - x.white_sd - COLOUR_RATIO.0) / COLOUR_RATIO.1;
+            let slow = (x[3 * c + 2] - prior.colour_s.ln()) / prior.colour_ln;
+            let large = (x[3 * c + 1] - x[3 * c] - COLOUR_RATIO.0) / COLOUR_RATIO.1;
             if slow.abs() > COLOUR_SDS || large > COLOUR_SDS {
                 return f64::INFINITY;
             }
@@ -239,13 +206,13 @@ impl<'a> Observed<'a> {
                 scale: COLOUR_RATIO.1,
                 freedom: 4.0,
             };
-            sum -= ratio.ln(x.coloured_sd - x.white_sd);
-            sum -= Density::normal(prior.colour_s.ln(), prior.colour_ln).ln(x.correlation_s);
+            sum -= ratio.ln(x[3 * c + 1] - x[3 * c]);
+            sum -= Density::normal(prior.colour_s.ln(), prior.colour_ln).ln(x[3 * c + 2]);
             if let Some(sd) = self.logged.filter(|_| c == 0) {
-                sum -= Density::normal(sd.ln(), LOGGED_LN).ln(x.white_sd);
+                sum -= Density::normal(sd.ln(), LOGGED_LN).ln(x[0]);
             }
         }
-        sum -= Density::normal(0.0, 1.5).ln(x.force_s);
+        sum -= Density::normal(0.0, 1.5).ln(x[7]);
         if sum.is_finite() { sum } else { f64::INFINITY }
     }
 }
@@ -271,7 +238,7 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
         };
         let tried = shares.iter().map(|share| {
             let mut from = x;
-            from.force_mps2 += share;
+            from[6] += share;
             descend(from, there, |x| observed.cost(x, &used))
         });
         x = tried
@@ -285,7 +252,7 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
             break;
         }
     }
-    (x.instruments(there), used)
+    (instruments(&x, there), used)
 }
 
 /// Marks samples whose innovation is too large, the largest of each neighbourhood first; whether any was.
@@ -321,15 +288,15 @@ fn reject(
 
 /// Pattern search: along each number in turn, steps halved when none gains; the place and its cost.
 fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> (Numbers, f64) {
-    let free = x.free(there).len();
+    let free: Vec<usize> = (0..8).filter(|i| *i >= 6 || there[i / 3]).collect();
     let mut best = cost(&x);
     let mut step = 1.0;
     while step > FINEST {
         let mut gained = false;
-        for i in 0..free {
+        for &i in &free {
             for sign in [1.0, -1.0] {
                 let mut tried = x;
-                *tried.free(there)[i] += sign * step;
+                tried[i] += sign * step;
                 let c = cost(&tried);
                 if c < best - 1e-3 {
                     (x, best, gained) = (tried, c, true);

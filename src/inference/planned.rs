@@ -5,8 +5,7 @@
 //! taken out. Effects are asked by their finite response at a typical size: thresholds and delays have no derivative at
 //! nothing.
 
-use hydroline_core::run::Channel::{X, Y};
-use hydroline_core::run::{Command, PerChannel, Run, Sample};
+use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
@@ -44,10 +43,10 @@ impl Problem {
         dofs: &[usize],
         commands: &[Command],
         times_s: &[f64],
-        noise: PerChannel<Option<Noise>>,
+        noise: [Option<Noise>; 12],
     ) -> Result<Problem, EffectError> {
         let pose = rig.tank.start_pose;
-        let rest = PerChannel::of_state(pose, [f64::NAN; 6]);
+        let rest: [f64; 12] = std::array::from_fn(|c| pose.get(c).copied().unwrap_or(f64::NAN));
         let mut run = Run {
             name: "planned".to_owned(),
             commands: commands.to_vec(),
@@ -67,13 +66,13 @@ impl Problem {
         let moved = still.values(0, &[], &still.begin());
         let (sin, cos) = still.recording.runs[0].heading[0];
         for (sample, v) in run.samples.iter_mut().zip(moved) {
-            sample.values = PerChannel::of_state(v.pose(), sample.values.rates());
-            sample.values[X] = cos * v[X] - sin * v[Y];
-            sample.values[Y] = sin * v[X] + cos * v[Y];
+            sample.values[..6].copy_from_slice(&v[..6]);
+            sample.values[0] = cos * v[0] - sin * v[1];
+            sample.values[1] = sin * v[0] + cos * v[1];
         }
         let recording = Recording::new(&[run], pose[5]);
         let body = Body::new(recording, rig, dofs, &[], PriorTable::default())?;
-        let used = vec![PerChannel::splat(true); times_s.len()];
+        let used = vec![[true; 12]; times_s.len()];
         Ok(Problem {
             worth: Worth::none(),
             noises: Noises {
@@ -92,7 +91,7 @@ impl Problem {
         let at = body.begin();
         let own = body.own.len();
         let here = body.simulated(0, &[], &at);
-        let finite = |values: &[PerChannel<f64>]| values.iter().flatten().all(|v| v.is_finite());
+        let finite = |values: &[[f64; 12]]| values.iter().flatten().all(|v| v.is_finite());
         if !finite(&here.values) {
             return None;
         }
@@ -116,7 +115,7 @@ impl Problem {
         let place = |i: usize| if i < own { i } else { i + effects.len() };
         let asked = own + effects.len();
         let all = asked + body.starts[0].len();
-        let columns: Vec<(usize, &[PerChannel<f64>])> = here
+        let columns: Vec<(usize, &[[f64; 12]])> = here
             .columns
             .iter()
             .map(|(i, c)| (place(*i), c.as_slice()))
@@ -127,9 +126,13 @@ impl Problem {
                     .map(|(k, c)| (own + k, c.as_slice())),
             )
             .collect();
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
         let mut information = DMatrix::zeros(all, all);
         for &d in &body.dofs {
-            let filters = with_force(body, &self.noises, d, Force::NONE);
+            let filters = with_force(body, &self.noises, d, none);
             let white: Vec<(usize, Vec<f64>)> = columns
                 .iter()
                 .filter_map(|(i, c)| {

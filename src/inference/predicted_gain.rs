@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use hydroline_core::run::PerChannel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -36,7 +35,7 @@ const SMALL: f64 = 0.01;
 const JITTER: f64 = 1e-10;
 
 /// Channels per run and sample.
-type Motion = Vec<Vec<PerChannel<f64>>>;
+type Motion = Vec<Vec<[f64; 12]>>;
 
 /// A candidate beside a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,7 +111,7 @@ fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
 }
 
 /// By how much a motion differs from another; `None` where it is not finite.
-fn minus(mut made: Motion, here: &[Vec<PerChannel<f64>>]) -> Option<Motion> {
+fn minus(mut made: Motion, here: &[Vec<[f64; 12]>]) -> Option<Motion> {
     let others = here.iter().flatten().flatten();
     for (a, b) in made.iter_mut().flatten().flatten().zip(others) {
         *a -= b;
@@ -200,8 +199,8 @@ impl Problem {
         Some(made)
     }
 
-    /// A response (per run, channels per sample) against a view; `None` where nothing of it is seen.
-    fn products(&self, view: &View, response: &[Vec<PerChannel<f64>>]) -> Option<Products> {
+    /// A response (per run, 12 channels per sample) against a view; `None` where nothing of it is seen.
+    fn products(&self, view: &View, response: &[Vec<[f64; 12]>]) -> Option<Products> {
         let mut made = Products {
             with_columns: DVector::zeros(view.gradient.len()),
             with_residual: 0.0,

@@ -1,6 +1,5 @@
 //! What a model predicts of runs that it has not seen, and how well its numbers are known for that.
 
-use hydroline_core::run::{Channel, PerChannel};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::Point;
@@ -18,7 +17,7 @@ const JITTER: f64 = 1e-10;
 #[derive(Debug, Clone, Default)]
 pub struct Prediction {
     /// Channels per run and sample.
-    pub values: Vec<Vec<PerChannel<f64>>>,
+    pub values: Vec<Vec<[f64; 12]>>,
     /// Per run the rms over its samples of the sd that the model's numbers leave; NaN = not measured.
     pub sd: Vec<Rms>,
 }
@@ -34,12 +33,16 @@ impl Problem {
         }
         let n = at.len() - places[0];
         let number_prior = self.number_prior(terms);
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
         for _ in 0..START_STEPS {
             let all = self.simulate(terms, &at)?;
             let mut information = DMatrix::zeros(n, n);
             let mut gradient = DVector::zeros(n);
             for &d in &self.body.dofs {
-                let filters = with_force(&self.body, &self.noises, d, Force::NONE);
+                let filters = with_force(&self.body, &self.noises, d, none);
                 let normal = self.normal_with(&all, d, &filters, at.len());
                 information += normal.information.view((places[0], places[0]), (n, n));
                 gradient += normal.gradient.rows(places[0], n);
@@ -71,16 +74,11 @@ impl Problem {
         let all = self.simulate(&fit.terms, point)?;
         let each = all.iter().enumerate().map(|(run, s)| {
             let used = &self.noises.used[run];
-            let rows: Vec<(usize, Channel)> = (0..used.len())
-                .flat_map(|k| {
-                    Channel::ALL
-                        .into_iter()
-                        .filter(move |c| used[k][*c])
-                        .map(move |c| (k, c))
-                })
+            let rows: Vec<(usize, usize)> = (0..used.len())
+                .flat_map(|k| (0..12).filter(move |c| used[k][*c]).map(move |c| (k, c)))
                 .collect();
             // All channels in units of their noise.
-            let noise = |c: Channel| self.noises.channels[c].map_or(1.0, |n| n.total_sd());
+            let noise = |c: usize| self.noises.channels[c].map_or(1.0, |n| n.total_sd());
             let starts = places[run]..places[run + 1];
             let mut known = DMatrix::<f64>::zeros(rows.len(), globals);
             let mut start = DMatrix::<f64>::zeros(rows.len(), starts.len());
@@ -101,7 +99,7 @@ impl Problem {
             let taken = Cholesky::new(square)?.solve(&start.tr_mul(&known));
             known -= start * taken;
             let spread = &known * covariance;
-            let mut sum = PerChannel::splat((0.0, 0usize));
+            let mut sum = [(0.0, 0usize); 12];
             for (row, (_, c)) in rows.iter().enumerate() {
                 let variance = spread.row(row).dot(&known.row(row)) * noise(*c).powi(2);
                 sum[*c].0 += variance.max(0.0);

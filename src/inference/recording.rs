@@ -5,12 +5,15 @@
 
 use std::collections::BTreeMap;
 
-use hydroline_core::run::Channel::{Psi, X, Y};
-use hydroline_core::run::{COMPANIONS, Channel, Companions, PerChannel, Run, Sample, start_s};
+use hydroline_identify::data::{CHANNELS, COMPANIONS, Companions, Run, Sample};
 use hydroline_numerics::statistics::{median, robust_sd};
 
 use super::given::steady;
 use super::smooth::fast_sd;
+
+/// Motion that starts this late after the log's first stamp is a window of a longer log: its state is free, and time
+/// begins there \[s\].
+const START_SLACK_S: f64 = 1.0;
 
 /// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a vehicle with time
 /// constants of a tenth of a second and more feels no difference.
@@ -78,7 +81,7 @@ fn rate_most_hz(runs: &[Run]) -> f64 {
 /// stand between each other.
 fn thinned(run: &Run, most_hz: f64) -> Vec<&Sample> {
     let measured = |s: &Sample| s.values.map(f64::is_finite);
-    let mut counts: BTreeMap<PerChannel<bool>, usize> = BTreeMap::new();
+    let mut counts: BTreeMap<[bool; 12], usize> = BTreeMap::new();
     for s in &run.samples {
         *counts.entry(measured(s)).or_default() += 1;
     }
@@ -93,9 +96,9 @@ fn thinned(run: &Run, most_hz: f64) -> Vec<&Sample> {
             .min((rate_hz / RATE_LEAST_HZ + 1e-2).floor())
             .max(1.0) as usize
     };
-    let every: BTreeMap<PerChannel<bool>, usize> =
+    let every: BTreeMap<[bool; 12], usize> =
         counts.into_iter().map(|(set, n)| (set, every(n))).collect();
-    let mut seen: BTreeMap<PerChannel<bool>, usize> = BTreeMap::new();
+    let mut seen: BTreeMap<[bool; 12], usize> = BTreeMap::new();
     let mut kept = Vec::new();
     for s in &run.samples {
         let set = measured(s);
@@ -117,8 +120,8 @@ pub struct Recorded {
     pub times_s: Vec<f64>,
     /// Where the state is given \[s\].
     pub start_s: f64,
-    /// Measured motion \[SI\]; NaN = not measured.
-    pub values: Vec<PerChannel<f64>>,
+    /// Measured channels (identify's order, SI), NaN = not measured.
+    pub values: Vec<[f64; 12]>,
     /// Standard deviation of each pose channel as logged; NaN = unknown.
     pub logged_sd: Vec<[f64; 6]>,
     /// (time, body wrench), from `start_s` on.
@@ -135,7 +138,7 @@ pub struct Recording {
     /// Runs.
     pub runs: Vec<Recorded>,
     /// Which channels any run measured.
-    pub channels: PerChannel<bool>,
+    pub channels: [bool; 12],
 }
 
 impl Recording {
@@ -146,7 +149,11 @@ impl Recording {
         let most_hz = rate_most_hz(runs);
         let each = runs.iter().map(|r| Recorded::new(r, heading_rad, most_hz));
         let runs: Vec<Recorded> = each.collect();
-        let channels = PerChannel::from_fn(|c| runs.iter().any(|r| r.has(c)));
+        let measured = |c: usize| {
+            let any = |r: &Recorded| r.values.iter().any(|v| v[c].is_finite());
+            runs.iter().any(any)
+        };
+        let channels = std::array::from_fn(measured);
         Recording { runs, channels }
     }
 
@@ -159,21 +166,9 @@ impl Recording {
         }
     }
 
-    /// Whether a DOF is measured, by its pose or its rate.
-    pub fn measures(&self, dof: usize) -> bool {
-        Channel::of(dof).iter().any(|c| self.channels[*c])
-    }
-
-    /// Channel by which a DOF is known: its pose where that is measured, else its rate.
-    pub fn channel_of(&self, dof: usize) -> Channel {
-        let [place, rate] = Channel::of(dof);
-        if self.channels[place] { place } else { rate }
-    }
-
-    /// Whether any command drives a DOF.
-    fn drives(&self, dof: usize) -> bool {
-        let mut commands = self.runs.iter().flat_map(|r| &r.commands);
-        commands.any(|c| c.1[dof] != 0.0)
+    /// Name of a channel.
+    pub fn name(channel: usize) -> &'static str {
+        CHANNELS[channel]
     }
 }
 
@@ -211,8 +206,12 @@ fn off_median(mut values: Vec<f64>) -> f64 {
 
 impl Recording {
     /// DOFs that are driven, or whose values or means over a second move by more than their noise and a third of the tolerance.
-    pub fn moving(&self, tolerance: &PerChannel<f64>) -> Vec<usize> {
-        let moves = |c: Channel| {
+    pub fn moving(&self, tolerance: &[f64; 12]) -> Vec<usize> {
+        let driven = |d: usize| {
+            let any = |r: &Recorded| r.commands.iter().any(|c| c.1[d] != 0.0);
+            (self.channels[d] || self.channels[6 + d]) && self.runs.iter().any(any)
+        };
+        let moves = |c: usize| {
             self.channels[c]
                 && self.runs.iter().any(|r| {
                     let all: Vec<f64> = (0..r.values.len()).map(|k| r.measured(k)[c]).collect();
@@ -227,17 +226,21 @@ impl Recording {
                         || off_median(seen) > (MOVES * fast).max(least)
                 })
         };
-        let asked = |d: &usize| {
-            (self.measures(*d) && self.drives(*d)) || Channel::of(*d).into_iter().any(moves)
-        };
-        (0..6).filter(asked).collect()
+        (0..6)
+            .filter(|d| driven(*d) || moves(*d) || moves(6 + d))
+            .collect()
     }
 }
 
 impl Recording {
     /// DOFs that some command drives in any run.
     pub fn driven(&self) -> Vec<usize> {
-        (0..6).filter(|d| self.drives(*d)).collect()
+        let any = |d: usize| {
+            self.runs
+                .iter()
+                .any(|r| r.commands.iter().any(|c| c.1[d] != 0.0))
+        };
+        (0..6).filter(|d| any(*d)).collect()
     }
 
     /// Companions that move in any run: by more than their noise.
@@ -255,12 +258,12 @@ impl Recording {
     }
 
     /// Whether anything but commands drives these runs: a hull under way, a companion that moves.
-    pub fn is_driven_beside(&self, tolerance: &PerChannel<f64>) -> bool {
+    pub fn is_driven_beside(&self, tolerance: &[f64; 12]) -> bool {
         let moving = self.moving(tolerance);
         let rests = (0..6).filter(|d| !moving.contains(d));
         let under_way = |d: usize| {
             let mut runs = self.runs.iter();
-            runs.any(|r| steady(r, d, tolerance[Channel::RATES[d]]).is_some())
+            runs.any(|r| steady(r, d, tolerance[6 + d]).is_some())
         };
         self.companions_moving().contains(&true) || rests.into_iter().any(under_way)
     }
@@ -270,15 +273,20 @@ impl Recorded {
     pub(super) fn new(run: &Run, heading_rad: f64, most_hz: f64) -> Recorded {
         let samples = thinned(run, most_hz);
         let times_s: Vec<f64> = samples.iter().map(|s| s.t_s).collect();
-        let start_s = start_s(&times_s);
-        let values: Vec<PerChannel<f64>> = samples.iter().map(|s| s.values).collect();
-        let both = run.has(X) && run.has(Y);
-        let mut last = values.iter().map(|v| v[Psi]).find(|v| v.is_finite());
+        let first_s = times_s.first().copied().unwrap_or(0.0);
+        let start_s = if first_s > START_SLACK_S {
+            first_s
+        } else {
+            0.0
+        };
+        let values: Vec<[f64; 12]> = samples.iter().map(|s| s.values).collect();
+        let both = run.count(0) > 0 && run.count(1) > 0;
+        let mut last = values.iter().map(|v| v[5]).find(|v| v.is_finite());
         let heading = values
             .iter()
             .map(|v| {
-                if v[Psi].is_finite() {
-                    last = Some(v[Psi]);
+                if v[5].is_finite() {
+                    last = Some(v[5]);
                 }
                 // One coordinate alone cannot be rotated.
                 let psi = if both {
@@ -291,7 +299,16 @@ impl Recorded {
             .collect();
         let logged_sd = samples
             .iter()
-            .map(|s| Channel::POSES.map(|c| s.sd(c).unwrap_or(f64::NAN)))
+            .map(|s| {
+                std::array::from_fn(|c| {
+                    let variance = s.covariance.as_deref().map_or(f64::NAN, |p| p[7 * c]);
+                    if variance > 0.0 {
+                        variance.sqrt()
+                    } else {
+                        f64::NAN
+                    }
+                })
+            })
             .collect();
         let mut commands: Vec<(f64, [f64; 6])> = vec![(start_s, run.wrench_at(start_s))];
         let later = run.commands.iter().filter(|c| c.t_s > start_s);
@@ -309,59 +326,47 @@ impl Recorded {
     }
 
     /// A state's channels with x and y rotated into the body's axes at sample `k`.
-    pub fn rotated<T: hydroline_sim::Real>(
-        &self,
-        k: usize,
-        mut state: PerChannel<T>,
-    ) -> PerChannel<T> {
+    pub fn rotated<T: hydroline_sim::Real>(&self, k: usize, mut state: [T; 12]) -> [T; 12] {
         let (sin, cos) = self.heading[k];
-        let (x, y) = (state[X], state[Y]);
-        state[X] = x * cos + y * sin;
-        state[Y] = y * cos - x * sin;
+        let (x, y) = (state[0], state[1]);
+        state[0] = x * cos + y * sin;
+        state[1] = y * cos - x * sin;
         state
     }
 
     /// What was measured at sample `k`, rotated likewise; a heading of 0 leaves a single coordinate as it is.
-    pub fn measured(&self, k: usize) -> PerChannel<f64> {
+    pub fn measured(&self, k: usize) -> [f64; 12] {
         let mut v = self.values[k];
-        if v[X].is_finite() && v[Y].is_finite() {
+        if v[0].is_finite() && v[1].is_finite() {
             v = self.rotated(k, v);
         } else if self.heading[k].0 != 0.0 {
             // One of two is missing here: neither can be rotated.
-            v[X] = f64::NAN;
-            v[Y] = f64::NAN;
+            v[0] = f64::NAN;
+            v[1] = f64::NAN;
         }
         v
     }
 
-    /// Values of a channel where it is measured.
-    pub fn seen(&self, channel: Channel) -> impl Iterator<Item = f64> + Clone {
-        let all = self.values.iter().map(move |v| v[channel]);
-        all.filter(|v| v.is_finite())
-    }
-
-    /// First of them.
-    pub fn first(&self, channel: Channel) -> Option<f64> {
-        self.seen(channel).next()
-    }
-
-    /// Whether a channel is measured at all.
-    pub fn has(&self, channel: Channel) -> bool {
-        self.first(channel).is_some()
+    /// First finite value of a channel.
+    pub fn first(&self, channel: usize) -> Option<f64> {
+        self.values
+            .iter()
+            .map(|v| v[channel])
+            .find(|v| v.is_finite())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::{Recording, averaged};
-    use hydroline_core::run::{Channel, PerChannel, Run, Sample};
+    use hydroline_identify::data::{Run, Sample};
     use proptest::prelude::*;
     use rand::{SeedableRng, rngs::StdRng};
     use rand_distr::{Distribution, StandardNormal};
 
-    fn tolerance() -> PerChannel<f64> {
-        PerChannel::splat(2e-3)
-    }
+    const TOLERANCE: [f64; 12] = [
+        2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3, 2e-3,
+    ];
 
     /// Surge and heave rates of a Doppler log, of sd 1.5 mm/s each.
     fn doppler(heave_mps: f64, seconds: f64, seed: u64) -> Run {
@@ -369,9 +374,9 @@ mod tests {
         let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
         let sample = |k: u32| {
             let t_s = f64::from(k) / 25.0;
-            let mut values = PerChannel::NAN;
-            values[Channel::U] = 0.1 * (0.8 * t_s).sin() + 1.5e-3 * noise();
-            values[Channel::W] = heave_mps * (0.9 * t_s).sin() + 1.5e-3 * noise();
+            let mut values = [f64::NAN; 12];
+            values[6] = 0.1 * (0.8 * t_s).sin() + 1.5e-3 * noise();
+            values[8] = heave_mps * (0.9 * t_s).sin() + 1.5e-3 * noise();
             Sample {
                 t_s,
                 values,
@@ -389,7 +394,7 @@ mod tests {
     fn a_doppler_logs_noise_hides_no_heave() {
         for seed in 0..20 {
             let moving = |heave_mps| {
-                Recording::new(&[doppler(heave_mps, 24.0, seed)], 0.0).moving(&tolerance())
+                Recording::new(&[doppler(heave_mps, 24.0, seed)], 0.0).moving(&TOLERANCE)
             };
             assert_eq!(moving(1.8e-3), [0, 2], "{seed}");
             assert_eq!(moving(0.0), [0], "{seed}");
@@ -410,18 +415,17 @@ mod tests {
         // Two instruments row by row: each keeps its own.
         let mut both = doppler(0.0, 400.0, 1);
         for (k, s) in both.samples.iter_mut().enumerate() {
-            s.values[if k % 2 == 0 { Channel::U } else { Channel::W }] = f64::NAN;
+            s.values[if k % 2 == 0 { 6 } else { 8 }] = f64::NAN;
         }
         let made = Recording::new(&[both], 0.0);
-        let seen = |c: Channel| {
+        let seen = |c: usize| {
             made.runs[0]
                 .values
                 .iter()
                 .filter(|v| v[c].is_finite())
                 .count()
         };
-        let [surge, heave] = [Channel::U, Channel::W].map(seen);
-        assert!(surge > 3000 && heave > 3000, "{surge} {heave}");
+        assert!(seen(6) > 3000 && seen(8) > 3000, "{} {}", seen(6), seen(8));
     }
 
     proptest! {

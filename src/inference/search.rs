@@ -10,7 +10,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
-use hydroline_core::run::Channel;
 use hydroline_identify::parameter::Term;
 
 use super::body::Own;
@@ -254,11 +253,10 @@ impl Search<'_> {
         };
         let Problem { body, noises, .. } = &self.problem;
         let far = |d: &usize| {
-            let [place, rate] = Channel::of(*d);
-            let channel = if noises.channels[place].is_some() {
-                place
+            let channel = if noises.channels[*d].is_some() {
+                *d
             } else {
-                rate
+                6 + *d
             };
             let worth = SIZES[best.cells.misfit[*d].size] * body.tolerance[channel];
             let noise = noises.channels[channel].map_or(0.0, |n| n.total_sd());

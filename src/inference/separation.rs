@@ -4,7 +4,7 @@
 //! numbers. What it still cannot follow, in half squares of the noise and its own random force, is the log Bayes factor to
 //! expect (Kullback–Leibler divergence of the two predictions; Chaloner and Verdinelli 1995).
 
-use hydroline_core::run::{Command, PerChannel, Run, Sample};
+use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -28,10 +28,13 @@ impl Problem {
         times_s: &[f64],
         rig: &Rig,
     ) -> Result<Problem, EffectError> {
-        let start = PerChannel::of_state(rig.tank.start_pose, [0.0; 6]);
-        let rest = PerChannel::from_fn(|c| match self.body.recording.channels[c] {
-            true => start[c],
-            false => f64::NAN,
+        let rest: [f64; 12] = std::array::from_fn(|c| {
+            let at = rig.tank.start_pose.get(c).copied().unwrap_or(0.0);
+            if self.body.recording.channels[c] {
+                at
+            } else {
+                f64::NAN
+            }
         });
         let sample = |t_s: &f64| Sample {
             t_s: *t_s,

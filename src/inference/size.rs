@@ -5,8 +5,6 @@
 //! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
 //! hull that rings for minutes has a large one and little damping. Times, ratios and lengths stay.
 
-use hydroline_core::run::Channel;
-use hydroline_numerics::statistics::extent;
 use hydroline_sim::effect::ParameterInfo;
 use hydroline_sim::vehicle::Hydrodynamics;
 
@@ -51,8 +49,11 @@ impl Size {
         let mut made = Size::USUAL;
         for d in 0..6 {
             let swing = recording.runs.iter().map(|r| {
-                let (low, high) = extent(r.seen(Channel::POSES[d]));
-                (high - low).max(0.0)
+                let seen = r.values.iter().map(|v| v[d]).filter(|v| v.is_finite());
+                let ends = seen.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                    (low.min(v), high.max(v))
+                });
+                (ends.1 - ends.0).max(0.0)
             });
             let stiffness = if matches!(d, 3 | 4) {
                 h.restoring_nm.abs()
@@ -136,7 +137,7 @@ fn powers(unit: &str) -> Option<(i32, i32)> {
 
 #[cfg(test)]
 mod tests {
-    use hydroline_core::run::{Channel, PerChannel, Run, Sample};
+    use hydroline_identify::data::{Run, Sample};
     use hydroline_rigs::Rig;
     use hydroline_sim::effect::ALL;
 
@@ -199,13 +200,13 @@ mod tests {
         let h: Hydrodynamics<f64> = Hydrodynamics::new(&Rig::builtin("lshpi").unwrap().vehicle);
         let nothing = Recording {
             runs: Vec::new(),
-            channels: PerChannel::splat(false),
+            channels: [false; 12],
         };
         let tank = Size::of(&nothing, &h, &[8.0, 0.0, 0.0, 0.5, 0.0, 0.0], &[0.1; 6]);
         assert_eq!(tank.sized(&k3, 3), k3);
         let rolled = |angle: f64| {
-            let mut values = PerChannel::NAN;
-            values[Channel::Phi] = angle;
+            let mut values = [f64::NAN; 12];
+            values[3] = angle;
             Sample {
                 t_s: angle,
                 values,

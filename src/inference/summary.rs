@@ -1,6 +1,6 @@
 //! What is said of a fitted model: residuals, weights of its effects, predictions of runs it has not seen.
 
-use hydroline_core::run::{Channel, PerChannel, Run};
+use hydroline_identify::data::Run;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -17,23 +17,23 @@ use super::term::Kind;
 const JITTER: f64 = 1e-10;
 
 /// rms per channel; NaN = not measured or not of a DOF that moves.
-pub type Rms = PerChannel<f64>;
+pub type Rms = [f64; 12];
 
 /// Sums squares per channel.
 #[derive(Debug, Default, Clone, Copy)]
 struct Squares {
-    sum: PerChannel<f64>,
-    count: PerChannel<usize>,
+    sum: [f64; 12],
+    count: [usize; 12],
 }
 
 impl Squares {
-    fn add(&mut self, channel: Channel, value: f64) {
+    fn add(&mut self, channel: usize, value: f64) {
         self.sum[channel] += value * value;
         self.count[channel] += 1;
     }
 
     fn rms(&self) -> Rms {
-        PerChannel::from_fn(|c| match self.count[c] {
+        std::array::from_fn(|c| match self.count[c] {
             0 => f64::NAN,
             n => (self.sum[c] / n as f64).sqrt(),
         })
@@ -42,7 +42,7 @@ impl Squares {
 
 impl Problem {
     /// rms of what a prediction leaves of the samples that count.
-    pub fn left_of(&self, predicted: &[Vec<PerChannel<f64>>]) -> Rms {
+    pub fn left_of(&self, predicted: &[Vec<[f64; 12]>]) -> Rms {
         let mut squares = Squares::default();
         for (run, predicted) in predicted.iter().enumerate() {
             self.add_left(run, predicted, &mut squares);
@@ -51,8 +51,8 @@ impl Problem {
     }
 
     /// The same of each run.
-    pub fn left_by_run(&self, predicted: &[Vec<PerChannel<f64>>]) -> Vec<Rms> {
-        let of = |(run, predicted): (usize, &Vec<PerChannel<f64>>)| {
+    pub fn left_by_run(&self, predicted: &[Vec<[f64; 12]>]) -> Vec<Rms> {
+        let of = |(run, predicted): (usize, &Vec<[f64; 12]>)| {
             let mut squares = Squares::default();
             self.add_left(run, predicted, &mut squares);
             squares.rms()
@@ -60,14 +60,11 @@ impl Problem {
         predicted.iter().enumerate().map(of).collect()
     }
 
-    fn add_left(&self, run: usize, predicted: &[PerChannel<f64>], squares: &mut Squares) {
+    fn add_left(&self, run: usize, predicted: &[[f64; 12]], squares: &mut Squares) {
         let r = &self.body.recording.runs[run];
         for (k, p) in predicted.iter().enumerate() {
             let m = r.measured(k);
-            for c in Channel::ALL
-                .into_iter()
-                .filter(|c| self.noises.used[run][k][*c])
-            {
+            for c in (0..12).filter(|c| self.noises.used[run][k][*c]) {
                 squares.add(c, m[c] - p[c]);
             }
         }
@@ -81,7 +78,7 @@ impl Problem {
     /// What a model predicts with the best change of all its numbers, to first order and by least squares, all channels in
     /// units of what matters. A fit beside a random force lets the vehicle drift, for the force forgives it; what the
     /// instruments add is to be seen beside the motion that comes closest.
-    pub fn closest(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Vec<PerChannel<f64>>>> {
+    pub fn closest(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Vec<[f64; 12]>>> {
         let all = self.simulate(terms, point)?;
         let n = point.len();
         let mut square = DMatrix::<f64>::zeros(n, n);
@@ -89,11 +86,11 @@ impl Problem {
         for (run, s) in all.iter().enumerate() {
             let r = &self.body.recording.runs[run];
             let used = &self.noises.used[run];
-            let residual = |k: usize, c: Channel| r.measured(k)[c] - s.values[k][c];
-            for c in Channel::ALL {
+            let residual = |k: usize, c: usize| r.measured(k)[c] - s.values[k][c];
+            for c in 0..12 {
                 let weight = self.body.tolerance[c].powi(-2);
                 let counting: Vec<usize> = (0..used.len()).filter(|k| used[*k][c]).collect();
-                let moving: Vec<&(usize, Vec<PerChannel<f64>>)> = s
+                let moving: Vec<&(usize, Vec<[f64; 12]>)> = s
                     .columns
                     .iter()
                     .filter(|(_, v)| v.iter().any(|v| v[c] != 0.0))
@@ -117,7 +114,7 @@ impl Problem {
             let mut values = s.values;
             for (i, column) in &s.columns {
                 for (value, slope) in values.iter_mut().zip(column) {
-                    *value = PerChannel::from_fn(|c| value[c] + by[*i] * slope[c]);
+                    *value = std::array::from_fn(|c| value[c] + by[*i] * slope[c]);
                 }
             }
             values
@@ -144,15 +141,14 @@ impl Problem {
         };
         let (_, bare) = alone(None);
         let Some(all) = self.simulate(&[], &bare) else {
-            return vec![PerChannel::NAN; fit.terms.len()];
+            return vec![[f64::NAN; 12]; fit.terms.len()];
         };
         let own = self.body.own.len();
-        let channels: Vec<Channel> = Channel::ALL
-            .into_iter()
+        let channels: Vec<usize> = (0..12)
             .filter(|c| self.noises.channels[*c].is_some())
             .collect();
         // All channels in units of what matters.
-        let row = |state: &PerChannel<f64>| -> Vec<f64> {
+        let row = |state: &[f64; 12]| -> Vec<f64> {
             channels
                 .iter()
                 .map(|c| state[*c] / self.body.tolerance[*c])
@@ -183,7 +179,7 @@ impl Problem {
                 .iter()
                 .zip(&all)
                 .flat_map(|(a, b)| a.iter().zip(&b.values))
-                .flat_map(|(a, b)| row(&PerChannel::from_fn(|c| a[c] - b[c])))
+                .flat_map(|(a, b)| row(&std::array::from_fn(|c| a[c] - b[c])))
                 .collect();
             let mut difference = DVector::from_vec(difference);
             if let Some(root) = &root {
@@ -244,7 +240,7 @@ impl Problem {
             .map(|r| {
                 let of = |k: usize| {
                     let m = r.measured(k);
-                    PerChannel::from_fn(|c| self.noises.channels[c].is_some() && m[c].is_finite())
+                    std::array::from_fn(|c| self.noises.channels[c].is_some() && m[c].is_finite())
                 };
                 (0..r.times_s.len()).map(of).collect()
             })
@@ -273,11 +269,15 @@ impl Problem {
     /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.
     pub fn innovations(&self, terms: &[usize], point: &[f64]) -> Vec<(usize, Vec<Vec<[f64; 2]>>)> {
         let predicted = self.predicted(terms, point);
+        let none = Force {
+            sd_mps2: 0.0,
+            correlation_s: 1.0,
+        };
         self.body
             .dofs
             .iter()
             .map(|&d| {
-                let filters = with_force(&self.body, &self.noises, d, Force::NONE);
+                let filters = with_force(&self.body, &self.noises, d, none);
                 let runs = predicted.iter().zip(&filters).enumerate();
                 let white = runs.map(|(run, (v, f))| self.white_residual(run, d, v, f));
                 (d, white.collect())

@@ -1,6 +1,6 @@
 //! Terms of a model: which effects of the registry may act where, with points to begin from.
 
-use hydroline_core::run::{COMPANIONS, Channel};
+use hydroline_identify::data::COMPANIONS;
 use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::effect::covariate_table::{COVARIATES, POINTS};
 use hydroline_sim::effect::{
@@ -248,11 +248,9 @@ fn choices(words: &[WordInfo], ground: &Ground<'_>) -> Vec<Vec<usize>> {
 /// Ranges that covariates have in a recording; `None` where one does not vary or is not known.
 pub type Ranges = [Option<(f64, f64)>; COVARIATES.len()];
 
-/// Place of time among the covariates: behind the channels.
-const TIME: usize = Channel::ALL.len();
-
 /// Covariates that a table of this DOF may run along: what moves, time, and the DOF's own load.
 fn covariates(dof: usize, ground: &Ground<'_>, ranges: &Ranges) -> Vec<(usize, (f64, f64))> {
+    const TIME: usize = 12;
     let moves = || ground.dofs.iter().chain(ground.given);
     let turns = moves().filter(|d| [0, 1, 5].contains(d)).count() > 1;
     let wide = |c: usize| ranges[c].map_or(0.0, |(low, high)| high - low);
@@ -292,10 +290,11 @@ pub(super) fn is_function_of(
             }
             state.own.fill(0.1 * others);
             let (mut t_s, mut wrench) = (3.0 + others, [0.4 * others; 6]);
-            match Channel::ALL.get(covariate) {
-                Some(c) => *state.vehicle.channel(*c) = value,
-                None if covariate == TIME => t_s = value,
-                None => wrench[dof] = value,
+            match covariate {
+                0..6 => state.vehicle.eta[covariate] = value,
+                6..12 => state.vehicle.nu[covariate - 6] = value,
+                12 => t_s = value,
+                _ => wrench[dof] = value,
             }
             Some(model.rate(t_s, t_s, &state, &wrench).vehicle.nu[dof])
         };

@@ -8,7 +8,6 @@ pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8080";
 
 /// Why there is no live page.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum LiveError {
     /// Others could see the page, and nothing keeps them out.
     #[error(
@@ -16,18 +15,28 @@ pub enum LiveError {
          token (--live-token WORD, or HYDROLINE_LIVE_TOKEN, {TOKEN_MIN} to {TOKEN_MAX} letters, digits, - or _), or \
          leave it on this computer (--live {DEFAULT_ADDRESS}) and come through `ssh -L 8080:{DEFAULT_ADDRESS}`"
     )]
-    Open { address: SocketAddr },
+    Open {
+        /// As given.
+        address: SocketAddr,
+    },
     /// A token that could be guessed, or that no address could carry.
     #[error(
         "--live-token: {length} characters; {TOKEN_MIN} to {TOKEN_MAX} letters, digits, - or _ are taken, e.g. {example}"
     )]
-    Token { length: usize, example: String },
+    Token {
+        /// Its length.
+        length: usize,
+        /// One that would do.
+        example: String,
+    },
     /// The address is taken, or not this computer's.
     #[error(
         "--live {address}: {source}; another port (--live 127.0.0.1:8081) or any free one (--live 127.0.0.1:0) may do"
     )]
     Listen {
+        /// As given.
         address: SocketAddr,
+        /// Why.
         source: std::io::Error,
     },
     /// The kernel gave no randomness, or no thread.
@@ -36,6 +45,9 @@ pub enum LiveError {
 }
 
 /// Whether the page may listen there: on this computer alone, or anywhere with a token.
+///
+/// # Errors
+/// [`LiveError::Open`].
 pub fn check_address(address: SocketAddr, has_token: bool) -> Result<(), LiveError> {
     if address.ip().is_loopback() || has_token {
         Ok(())

@@ -5,9 +5,8 @@
 
 use super::picture::Picture;
 use super::state::State;
-use hydroline_core::lock::Lock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::watch;
 
@@ -116,7 +115,7 @@ impl Feed {
 
     /// From now on STOP brings this line to neutral. Pressed before: at once.
     pub fn attach(&self, line: StopLine) {
-        let mut slot = self.line.held();
+        let mut slot = self.lock();
         if self.pressed() {
             line();
         }
@@ -125,7 +124,7 @@ impl Feed {
 
     /// The line is closed.
     pub fn detach(&self) {
-        *self.line.held() = None;
+        *self.lock() = None;
     }
 
     /// STOP. False when there is nothing to stop and never will be.
@@ -135,7 +134,7 @@ impl Feed {
         }
         // First the flag: a line that is attached meanwhile sees it.
         self.pressed.store(true, Ordering::Release);
-        if let Some(line) = &*self.line.held() {
+        if let Some(line) = &*self.lock() {
             line();
         }
         true
@@ -144,6 +143,10 @@ impl Feed {
     /// Whether STOP was pressed: for good, as for every run that would follow.
     pub fn pressed(&self) -> bool {
         self.pressed.load(Ordering::Acquire)
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<StopLine>> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

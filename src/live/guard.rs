@@ -99,7 +99,6 @@ pub enum Route {
 
 /// Why a request is not answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum Refusal {
     /// Asked under a name that is not this computer's.
     #[error("this page is asked for by this computer's address, not by that name")]
@@ -107,15 +106,19 @@ pub enum Refusal {
     /// No token, or another.
     #[error("this page opens with its token: use the whole address that hydroline has printed")]
     Token,
+    /// Asked by another site.
     #[error("another site has no business here")]
     OtherSite,
+    /// STOP without this session's key.
     #[error("the page is older than the run: load it again")]
     Session,
+    /// Neither GET nor POST /stop.
     #[error("only GET, and POST /stop")]
     Method,
     /// A body: nothing that is asked here has one.
     #[error("no request here has a body")]
     Body,
+    /// There is no such path.
     #[error(
         "there is /, /state, /picture, /metrics, /foxglove, /foxglove-layout.json and POST /stop"
     )]

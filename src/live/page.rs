@@ -23,6 +23,9 @@ pub struct Page {
 }
 
 /// The page of a session, with a nonce of its own.
+///
+/// # Errors
+/// When the kernel gives no randomness.
 pub fn page(guard: &Guard) -> io::Result<Page> {
     let nonce = random_hex(16)?;
     let html = HTML

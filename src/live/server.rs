@@ -13,7 +13,6 @@ use super::feed::Feed;
 use super::guard::Guard;
 use super::token::Token;
 use axum::Router;
-use hydroline_core::lock::Lock;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
@@ -21,7 +20,7 @@ use stalled::Stalled;
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::pin::pin;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::net::TcpStream;
@@ -155,14 +154,18 @@ struct Connection {
 }
 
 impl Peers {
+    fn lock(&self) -> std::sync::MutexGuard<'_, HashMap<IpAddr, usize>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Open connections in all.
     pub(super) fn count(&self) -> usize {
-        self.0.held().values().sum()
+        self.lock().values().sum()
     }
 
     /// A place for one more connection, if there is one.
     fn enter(&self, ip: IpAddr) -> Option<Place> {
-        let mut peers = self.0.held();
+        let mut peers = self.lock();
         let all: usize = peers.values().sum();
         let of_it = peers.get(&ip).copied().unwrap_or(0);
         if all >= CONNECTIONS_MAX || of_it >= CONNECTIONS_PER_PEER {
@@ -178,7 +181,7 @@ impl Peers {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut peers = self.peers.0.held();
+        let mut peers = self.peers.lock();
         match peers.get_mut(&self.ip) {
             Some(n) if *n > 1 => *n -= 1,
             _ => {

@@ -40,6 +40,9 @@ impl Token {
     }
 
     /// A token of 128 random bits.
+    ///
+    /// # Errors
+    /// When the kernel gives no randomness.
     pub fn random() -> io::Result<Self> {
         Ok(Self::new(random_hex(16)?))
     }
@@ -68,6 +71,9 @@ impl Token {
 }
 
 /// So many random bytes from the kernel, in hexadecimal.
+///
+/// # Errors
+/// When the kernel gives none.
 pub fn random_hex(bytes: usize) -> io::Result<String> {
     let mut random = vec![0; bytes];
     File::open("/dev/urandom")?.read_exact(&mut random)?;

@@ -50,7 +50,10 @@ impl AtomicFile {
                 path: self.whole.clone(),
             });
         }
-        std::fs::rename(&self.part, &self.whole).map_err(LogError::output(&self.whole))?;
+        std::fs::rename(&self.part, &self.whole).map_err(|e| LogError::Output {
+            path: self.whole.clone(),
+            reason: e.to_string(),
+        })?;
         self.done = true;
         Ok(())
     }

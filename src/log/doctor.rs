@@ -4,7 +4,7 @@ mod checks;
 mod conclude;
 mod obeyed;
 
-use hydroline_core::plain::Lines;
+use hydroline_core::plain::line;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -125,7 +125,6 @@ impl Diagnosis {
 
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut f = Lines(f);
         let verdict = if self.sound { "sound" } else { "NOT sound" };
         let recovered = match (self.recovered_lost, self.frames_lost) {
             (Some(_), lost) => format!("recovered, {lost} frames lost; "),
@@ -137,11 +136,13 @@ impl fmt::Display for Diagnosis {
         } else {
             ""
         };
-        writeln!(
+        line(
             f,
-            "{}: {} messages{empty}, {recovered}{verdict}",
-            self.path.display(),
-            self.messages
+            format_args!(
+                "{}: {} messages{empty}, {recovered}{verdict}",
+                self.path.display(),
+                self.messages
+            ),
         )?;
         for finding in &self.findings {
             let grade = match finding.grade {
@@ -152,12 +153,11 @@ impl fmt::Display for Diagnosis {
             let place = finding
                 .offset
                 .map_or_else(String::new, |o| format!(" (byte {o})"));
-            writeln!(
+            line(
                 f,
-                "  {grade}: {}: {}{place}",
-                finding.check, finding.message
+                format_args!("  {grade}: {}: {}{place}", finding.check, finding.message),
             )?;
-            writeln!(f, "      -> {}", finding.next_step)?;
+            line(f, format_args!("      -> {}", finding.next_step))?;
         }
         Ok(())
     }

@@ -45,11 +45,15 @@ const UNFINISHED: &str = "unfinished.part";
 /// # Errors
 /// [`LogError::NotEmpty`]; damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
 pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
+    let output = |path: &Path, e: std::io::Error| LogError::Output {
+        path: path.to_owned(),
+        reason: e.to_string(),
+    };
     // A file that is no log makes no folder.
     let reader = LogReader::open(log)?;
     let existed = into.exists();
-    std::fs::create_dir_all(into).map_err(LogError::output(into))?;
-    let mut found = std::fs::read_dir(into).map_err(LogError::output(into))?;
+    std::fs::create_dir_all(into).map_err(|e| output(into, e))?;
+    let mut found = std::fs::read_dir(into).map_err(|e| output(into, e))?;
     if let Some(Ok(entry)) = found.next() {
         return Err(LogError::NotEmpty {
             path: into.to_owned(),
@@ -57,7 +61,7 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
         });
     }
     let part = into.join(UNFINISHED);
-    std::fs::create_dir(&part).map_err(LogError::output(&part))?;
+    std::fs::create_dir(&part).map_err(|e| output(&part, e))?;
     let done = write_all(reader, &part, options).and_then(|done| settle(done, &part, into));
     if done.is_err() {
         // All in it was made by this call.
@@ -70,10 +74,16 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
 }
 
 /// Removes what an interrupted export has left in a folder, so that it can be made anew.
+///
+/// # Errors
+/// [`LogError::Output`].
 pub fn take_back(into: &Path) -> Result<(), LogError> {
     let part = into.join(UNFINISHED);
     match std::fs::remove_dir_all(&part) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(LogError::output(&part)(e)),
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(LogError::Output {
+            path: part,
+            reason: e.to_string(),
+        }),
         _ => Ok(()),
     }
 }
@@ -88,7 +98,10 @@ fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogE
         }
         std::fs::remove_dir(part)
     };
-    moved().map_err(LogError::output(into))?;
+    moved().map_err(|e| LogError::Output {
+        path: into.to_owned(),
+        reason: e.to_string(),
+    })?;
     let rows = std::mem::take(&mut done.rows).into_iter();
     done.rows = rows
         .map(|(path, n)| (into.join(path.file_name().unwrap_or_default()), n))
@@ -108,6 +121,10 @@ fn sync_file_system(folder: &Path) -> std::io::Result<()> {
 }
 
 fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
+    let output = |path: &Path, reason: String| LogError::Output {
+        path: path.to_owned(),
+        reason,
+    };
     let mut tables = Tables {
         into,
         open: BTreeMap::new(),
@@ -119,11 +136,13 @@ fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<E
     for message in reader {
         let message = message?;
         if let (Record::Frame(frame), true) = (&message.record, options.frames) {
-            if save(frame, &rule, into)? {
-                done.frames += 1;
-            } else {
-                done.frames_skipped += 1;
-                done.frames_undecodable += u64::from(frame.meta.fault.is_none());
+            match save(frame, &rule, into) {
+                Ok(true) => done.frames += 1,
+                Ok(false) => {
+                    done.frames_skipped += 1;
+                    done.frames_undecodable += u64::from(frame.meta.fault.is_none());
+                }
+                Err((path, reason)) => return Err(output(&path, reason)),
             }
         }
         if options.tables
@@ -148,14 +167,17 @@ struct Tables<'a> {
 impl Tables<'_> {
     fn write(&mut self, name: &'static str, header: &str, rows: &str) -> Result<(), LogError> {
         let path = self.into.join(name);
+        let failed = |e: std::io::Error| LogError::Output {
+            path: path.clone(),
+            reason: e.to_string(),
+        };
         if !self.open.contains_key(name) {
-            let mut file = BufWriter::new(File::create(&path).map_err(LogError::output(&path))?);
-            writeln!(file, "{header}").map_err(LogError::output(&path))?;
+            let mut file = BufWriter::new(File::create(&path).map_err(failed)?);
+            writeln!(file, "{header}").map_err(failed)?;
             self.open.insert(name, file);
         }
         if let Some(file) = self.open.get_mut(name) {
-            file.write_all(rows.as_bytes())
-                .map_err(LogError::output(&path))?;
+            file.write_all(rows.as_bytes()).map_err(failed)?;
         }
         *self.rows.entry(path).or_default() += rows.lines().count() as u64;
         Ok(())
@@ -164,7 +186,10 @@ impl Tables<'_> {
     fn finish(self) -> Result<BTreeMap<PathBuf, u64>, LogError> {
         for (name, mut file) in self.open {
             let path = self.into.join(name);
-            file.flush().map_err(LogError::output(&path))?;
+            file.flush().map_err(|e| LogError::Output {
+                path,
+                reason: e.to_string(),
+            })?;
         }
         Ok(self.rows)
     }
@@ -319,12 +344,25 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
 
 fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
     row.cell(log_ns).cell(stamp_ns);
-    for value in m.channels() {
+    for value in [
+        m.x_m,
+        m.y_m,
+        m.z_m,
+        m.phi_rad,
+        m.theta_rad,
+        m.psi_rad,
+        m.u_mps,
+        m.v_mps,
+        m.w_mps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
+    ] {
         row.maybe(value.filter(|v| v.is_finite()));
     }
     let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();
     row.text(&covariance.join(" "));
-    for value in m.companions() {
+    for value in [m.rudder_rad, m.elevator_rad, m.shaft_radps, m.wave_m] {
         row.maybe(value.filter(|v| v.is_finite()));
     }
     row.end();
@@ -348,7 +386,7 @@ fn profile(p: &pb::StripeProfile, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>)
 }
 
 /// `frame_<sequence>_<mid-exposure, UNIX ns>.png`; false when the frame holds no image.
-fn save(frame: &Frame, rule: &GreyRule, into: &Path) -> Result<bool, LogError> {
+fn save(frame: &Frame, rule: &GreyRule, into: &Path) -> Result<bool, (PathBuf, String)> {
     let Ok(grey) = frame.to_grey(rule) else {
         return Ok(false);
     };
@@ -359,5 +397,5 @@ fn save(frame: &Frame, rule: &GreyRule, into: &Path) -> Result<bool, LogError> {
     ));
     let (w, h) = (grey.width_px as u32, grey.height_px as u32);
     let saved = image::save_buffer(&path, &grey.pixels, w, h, image::ColorType::L8);
-    saved.map(|()| true).map_err(LogError::output(&path))
+    saved.map(|()| true).map_err(|e| (path, e.to_string()))
 }

@@ -96,19 +96,26 @@ impl fmt::Display for ImageTopic {
 
 /// Why no topic can be chosen.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ImageTopicError {
+    /// Reading the log.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// No such topic.
     #[error("{}: has no images on {wanted}; it has {}; name one with --image-topic", path.display(), listed(there))]
     Missing {
+        /// The log.
         path: PathBuf,
+        /// As named.
         wanted: String,
+        /// What there is.
         there: Vec<ImageTopic>,
     },
+    /// Nobody said which.
     #[error("{}: has images on several topics: {}; name one with --image-topic", path.display(), listed(there))]
     Several {
+        /// The log.
         path: PathBuf,
+        /// What there is.
         there: Vec<ImageTopic>,
     },
     /// Images in a message that is not read.
@@ -118,7 +125,9 @@ pub enum ImageTopicError {
         path.display()
     )]
     Unread {
+        /// The log.
         path: PathBuf,
+        /// The topic.
         topic: Box<ImageTopic>,
     },
 }
@@ -187,6 +196,9 @@ fn survey(path: &Path, ours_will_do: bool) -> Result<Option<Vec<ImageTopic>>, Lo
 
 /// The topic whose images are meant: the one named, else ours (`None`), else the only one there is; without any too
 /// `None`.
+///
+/// # Errors
+/// [`ImageTopicError`].
 pub fn image_topic(
     path: &Path,
     named: Option<&str>,

@@ -23,7 +23,6 @@ use super::topic::Topic;
 use contents::Contents;
 
 mod contents;
-pub(super) use contents::summary;
 
 /// A record that holds messages: a chunk, or a message by itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,7 +57,10 @@ impl IndexedLog {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         // Says what is wrong with a file that is no log.
         let scan = scan::open(path)?;
-        let file = File::open(path).map_err(LogError::read(path))?;
+        let file = File::open(path).map_err(|source| LogError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         // A summary that is damaged does not make the messages unreadable.
         let (contents, end_missing) = match contents::summary(&file) {
             Ok(Some(contents)) => (contents, None),
@@ -94,7 +96,12 @@ impl IndexedLog {
 
     /// Messages of each topic.
     pub fn counts(&self) -> BTreeMap<&str, u64> {
-        self.contents.counts()
+        let mut counts = BTreeMap::new();
+        for channel in self.contents.declared.channels.values() {
+            let count = self.contents.messages_of(channel.id);
+            *counts.entry(channel.topic.as_str()).or_default() += count;
+        }
+        counts
     }
 
     /// Whether all messages of a topic were found that [`IndexedLog::visit`] hands on (those of its own type): the index
@@ -235,8 +242,12 @@ impl IndexedLog {
         self.undecoded(place, topics).map_err(|at| self.damaged(at))
     }
 
-    fn damaged(&self, at: Located) -> LogError {
-        LogError::damaged(&self.path, at)
+    fn damaged(&self, (offset, damage): Located) -> LogError {
+        LogError::Damaged {
+            path: self.path.clone(),
+            offset,
+            damage,
+        }
     }
 
     fn undecoded(&self, place: &Place, topics: &[&str]) -> Result<Vec<MessageRecord>, Located> {
@@ -266,8 +277,21 @@ impl IndexedLog {
         let channel = self.contents.declared.channels.get(&id);
         let channel = channel.ok_or_else(|| self.damaged((offset, Damage::UnknownChannel(id))))?;
         let schema = self.contents.declared.schema_name(channel);
-        LogMessage::of(&self.path, offset, channel, schema, message, |m| {
-            reader::decode(channel, schema, m, &mut None)
+        let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
+        let record = reader::decode(channel, schema, message, &mut None);
+        let record = record.map_err(|reason| LogError::Message {
+            path: self.path.clone(),
+            offset,
+            topic: channel.topic.clone(),
+            schema: schema.to_owned(),
+            reason,
+        })?;
+        Ok(LogMessage {
+            log_ns,
+            publish_ns,
+            sequence,
+            offset,
+            record,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! What is in a log.
 
-use hydroline_core::plain::Lines;
+use hydroline_core::plain::line;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,12 @@ pub struct Info {
 /// [`LogError::Read`], [`LogError::NotMcap`].
 pub fn info(path: &Path) -> Result<Info, LogError> {
     let mut scan = scan::open(path)?;
-    let bytes = path.metadata().map_err(LogError::read(path))?.len();
+    let bytes = std::fs::metadata(path)
+        .map_err(|source| LogError::Read {
+            path: path.to_owned(),
+            source,
+        })?
+        .len();
     let mut topics: BTreeMap<(String, u16), TopicInfo> = BTreeMap::new();
     let (mut damage, mut cut) = (Vec::new(), false);
     while let Some(step) = scan.next() {
@@ -167,53 +172,58 @@ fn utc(unix_ns: u64) -> String {
 
 impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut f = Lines(f);
-        writeln!(f, "{}", self.path.display())?;
-        writeln!(f, "  written by   {}", self.library)?;
+        line(f, format_args!("{}", self.path.display()))?;
+        line(f, format_args!("  written by   {}", self.library))?;
         if !self.profile.is_empty() {
-            writeln!(f, "  profile      {}", self.profile)?;
+            line(f, format_args!("  profile      {}", self.profile))?;
         }
-        writeln!(
+        line(
             f,
-            "  size         {:.3} MB in {} chunks",
-            self.bytes as f64 / 1e6,
-            self.chunks
+            format_args!(
+                "  size         {:.3} MB in {} chunks",
+                self.bytes as f64 / 1e6,
+                self.chunks
+            ),
         )?;
-        writeln!(
+        line(
             f,
-            "  duration     {:.3} s from {} ns (UNIX) = {}",
-            self.duration_s, self.start_ns, self.start_utc
+            format_args!(
+                "  duration     {:.3} s from {} ns (UNIX) = {}",
+                self.duration_s, self.start_ns, self.start_utc
+            ),
         )?;
-        writeln!(f, "  messages     {}", self.messages)?;
+        line(f, format_args!("  messages     {}", self.messages))?;
         let ending = match self.ending {
             Ending::Clean => "clean",
             Ending::Stopped => "whole, but the recording was stopped (see summary)",
             Ending::Whole => "whole",
             Ending::Cut => "CUT: the writer did not get to the end; see `hydroline doctor`",
         };
-        writeln!(f, "  end          {ending}")?;
+        line(f, format_args!("  end          {ending}"))?;
         let wide = self.topics.iter().map(|t| t.topic.len()).max().unwrap_or(0);
         for t in &self.topics {
             let rate = t
                 .rate_hz
                 .map_or_else(|| "-".to_owned(), |r| format!("{r:.2}/s"));
-            writeln!(
+            line(
                 f,
-                "  {:wide$}  {:>8}  {rate:>10}  {} [{}]",
-                t.topic, t.messages, t.schema, t.encoding
+                format_args!(
+                    "  {:wide$}  {:>8}  {rate:>10}  {} [{}]",
+                    t.topic, t.messages, t.schema, t.encoding
+                ),
             )?;
         }
         for (name, map) in &self.metadata {
-            writeln!(f, "  metadata `{name}`")?;
+            line(f, format_args!("  metadata `{name}`"))?;
             for (key, value) in map {
                 match value.lines().count() {
-                    0 | 1 => writeln!(f, "    {key} = {value}")?,
-                    lines => writeln!(f, "    {key}: {lines} lines")?,
+                    0 | 1 => line(f, format_args!("    {key} = {value}"))?,
+                    lines => line(f, format_args!("    {key}: {lines} lines"))?,
                 }
             }
         }
         for (offset, damage) in &self.damage {
-            writeln!(f, "  DAMAGE at byte {offset}: {damage}")?;
+            line(f, format_args!("  DAMAGE at byte {offset}: {damage}"))?;
         }
         Ok(())
     }

@@ -51,6 +51,8 @@ mod scan;
 mod seal;
 mod settings;
 mod space;
+#[cfg(test)]
+pub(crate) mod testing;
 mod time;
 mod topic;
 pub mod trace;
@@ -79,24 +81,35 @@ pub use writer::LogWriter;
 
 /// What can go wrong with a log.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum LogError {
+    /// The file is there already.
     #[error(
         "part {part} of the log exists already ({reason}): choose another --out or move the old file"
     )]
     Exists {
         /// Part number, 0 = the first.
         part: u32,
+        /// The system's words.
         reason: String,
     },
     /// The file cannot be created.
     #[error(
         "part {part} of the log cannot be created: {source}; check that the directory exists and is writable"
     )]
-    Create { part: u32, source: std::io::Error },
+    Create {
+        /// Part number.
+        part: u32,
+        /// The system's words.
+        source: std::io::Error,
+    },
     /// The head cannot be written.
     #[error("{}: the log's head cannot be written: {reason}", path.display())]
-    Write { path: PathBuf, reason: String },
+    Write {
+        /// File.
+        path: PathBuf,
+        /// What failed.
+        reason: String,
+    },
     /// Refused before the start.
     #[error(
         "{}: the planned {planned_s:.0} s x {megabytes_per_s:.1} MB/s = {needed_megabytes:.0} MB, plus {min_free_megabytes:.0} MB \
@@ -105,6 +118,7 @@ pub enum LogError {
         path.display()
     )]
     WontFit {
+        /// Where the log was to go.
         path: PathBuf,
         /// Planned length \[s\].
         planned_s: f64,
@@ -121,80 +135,101 @@ pub enum LogError {
     },
     /// The disk refused while writing; the file was closed.
     #[error("the log stopped: {reason}; what was written is readable")]
-    Stopped { reason: String },
+    Stopped {
+        /// Why.
+        reason: String,
+    },
+    /// No thread.
     #[error("the log's writer thread cannot be started: {source}")]
-    Thread { source: std::io::Error },
+    Thread {
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// Finished twice.
     #[error("the recording is finished already")]
     Finished,
+    /// A bug.
     #[error("the log's writer thread panicked; `hydroline recover` mends the file")]
     WriterPanicked,
     /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
+        /// File.
         path: PathBuf,
+        /// The system's words.
         source: std::io::Error,
     },
     /// A file without a byte in it.
     #[error("{}: is empty (0 bytes): nothing was recorded, or the recording was killed before its head was on the disk", path.display())]
-    Empty { path: PathBuf },
+    Empty {
+        /// File.
+        path: PathBuf,
+    },
+    /// Not an MCAP file.
     #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
-    NotMcap { path: PathBuf, found: Vec<u8> },
+    NotMcap {
+        /// File.
+        path: PathBuf,
+        /// First bytes.
+        found: Vec<u8>,
+    },
     /// The file is damaged or cut.
     #[error("{}: at byte {offset}: {damage}; `hydroline recover` writes what is sound into a new file", path.display())]
     Damaged {
+        /// File.
         path: PathBuf,
+        /// Offset of the record.
         offset: u64,
+        /// What is wrong.
         damage: records::Damage,
     },
     /// The new file is there already.
     #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away (NAME.part is what an interrupted attempt left: it can go)", path.display())]
-    OutputExists { path: PathBuf },
+    OutputExists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The folder holds something already.
     #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
-    NotEmpty { path: PathBuf, found: String },
+    NotEmpty {
+        /// The folder.
+        path: PathBuf,
+        /// One of them.
+        found: String,
+    },
     /// A file beside the log cannot be written.
     #[error("{}: cannot be written: {reason}", path.display())]
-    Output { path: PathBuf, reason: String },
+    Output {
+        /// The file.
+        path: PathBuf,
+        /// What failed.
+        reason: String,
+    },
     /// A recovered file that does not read back as it was written.
     #[error("{}: the recovered file does not read back ({reason}) and was removed; the original is untouched", path.display())]
-    Verify { path: PathBuf, reason: String },
+    Verify {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        reason: String,
+    },
     /// A message does not decode as its schema says.
     #[error("{}: at byte {offset}: a message of {topic} ({schema}) does not decode: {reason}", path.display())]
     Message {
+        /// File.
         path: PathBuf,
         /// Offset of the record (of its chunk, when it is in one).
         offset: u64,
+        /// Topic.
         topic: String,
+        /// Schema name.
         schema: String,
+        /// Decoder's words.
         reason: String,
     },
 }
 
 impl LogError {
-    /// Maps the system's words on reading `path`.
-    fn read(path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
-        move |source| LogError::Read {
-            path: path.to_owned(),
-            source,
-        }
-    }
-
-    /// Maps whatever kept `path` from being written.
-    fn output<E: std::fmt::Display>(path: &std::path::Path) -> impl Fn(E) -> Self {
-        move |e| LogError::Output {
-            path: path.to_owned(),
-            reason: e.to_string(),
-        }
-    }
-
-    /// Damage in `path`, at its place.
-    fn damaged(path: &std::path::Path, (offset, damage): records::Located) -> Self {
-        LogError::Damaged {
-            path: path.to_owned(),
-            offset,
-            damage,
-        }
-    }
-
     /// For a file that begins with `found` instead of the magic.
     fn no_log(path: &std::path::Path, found: Vec<u8>) -> Self {
         let path = path.to_owned();

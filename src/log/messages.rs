@@ -10,7 +10,6 @@ use prost_types::Timestamp;
 
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity};
-use hydroline_rigs::channel::{Channel, PerChannel};
 
 mod cdr;
 mod encodings;
@@ -202,53 +201,6 @@ pub fn stripe_annotations(profile: &StripeProfile) -> ImageAnnotations {
             ..Default::default()
         }],
         ..Default::default()
-    }
-}
-
-impl VehicleMotion {
-    /// A motion true at a UNIX time \[ns\]; `None` = not measured.
-    pub fn of(stamp_ns: u64, channels: PerChannel<Option<f64>>) -> VehicleMotion {
-        VehicleMotion {
-            timestamp: Some(timestamp(stamp_ns)),
-            x_m: channels[Channel::X],
-            y_m: channels[Channel::Y],
-            z_m: channels[Channel::Z],
-            phi_rad: channels[Channel::Phi],
-            theta_rad: channels[Channel::Theta],
-            psi_rad: channels[Channel::Psi],
-            u_mps: channels[Channel::U],
-            v_mps: channels[Channel::V],
-            w_mps: channels[Channel::W],
-            p_radps: channels[Channel::P],
-            q_radps: channels[Channel::Q],
-            r_radps: channels[Channel::R],
-            ..VehicleMotion::default()
-        }
-    }
-
-    /// The same of a pose alone.
-    pub fn of_pose(stamp_ns: u64, pose: [Option<f64>; 6]) -> VehicleMotion {
-        VehicleMotion::of(stamp_ns, PerChannel::of_state(pose, [None; 6]))
-    }
-
-    /// The twelve channels as sent.
-    pub fn channels(&self) -> PerChannel<Option<f64>> {
-        let pose = (self.x_m, self.y_m, self.z_m);
-        let turn = (self.phi_rad, self.theta_rad, self.psi_rad);
-        let way = (self.u_mps, self.v_mps, self.w_mps);
-        let rates = (self.p_radps, self.q_radps, self.r_radps);
-        let both = |a: (_, _, _), b: (_, _, _)| [a.0, a.1, a.2, b.0, b.1, b.2];
-        PerChannel::of_state(both(pose, turn), both(way, rates))
-    }
-
-    /// What is measured beside the motion: rudder, elevator, shaft, wave.
-    pub fn companions(&self) -> [Option<f64>; 4] {
-        [
-            self.rudder_rad,
-            self.elevator_rad,
-            self.shaft_radps,
-            self.wave_m,
-        ]
     }
 }
 

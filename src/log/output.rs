@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 /// A growing file.
 pub trait LogOutput: Write + Send {
     /// Makes everything written so far durable.
+    ///
+    /// # Errors
+    /// Whatever the device says.
     fn sync(&mut self) -> io::Result<()>;
 
     /// Claims room so that the file can grow to `end_bytes` without running out of space.
@@ -18,6 +21,9 @@ pub trait LogOutput: Write + Send {
     fn reserve(&mut self, end_bytes: u64) -> io::Result<()>;
 
     /// Cuts the file at `end_bytes` and gives back what was claimed beyond.
+    ///
+    /// # Errors
+    /// Whatever the device says.
     fn truncate(&mut self, end_bytes: u64) -> io::Result<()>;
 
     /// Bytes left for us on the device, claimed ones included; `None` = not known.
@@ -30,16 +36,18 @@ pub trait LogOutput: Write + Send {
     }
 
     /// Saves what was written under a new name beside the one that was lost.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
     fn save_beside(&mut self) -> io::Result<PathBuf> {
         Err(io::ErrorKind::Unsupported.into())
     }
 }
 
 /// Why a file is not found under its name any more.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum NameLost {
     /// The file has another name now.
-    #[error("the log's file {} was renamed while it was being written: it is {} now", from.display(), to.display())]
     Renamed {
         /// Its old name.
         from: PathBuf,
@@ -47,11 +55,49 @@ pub enum NameLost {
         to: PathBuf,
     },
     /// The file was removed, or another file or file system stands in its place.
-    #[error("the log's file {} was removed, replaced or mounted over while it was being written", path.display())]
     Gone {
         /// Its old name.
         path: PathBuf,
     },
+}
+
+impl std::fmt::Display for NameLost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            NameLost::Renamed { from, to } => write!(
+                f,
+                "the log's file {} was renamed while it was being written: it is {} now",
+                from.display(),
+                to.display()
+            ),
+            NameLost::Gone { path } => write!(
+                f,
+                "the log's file {} was removed, replaced or mounted over while it was being written",
+                path.display()
+            ),
+        }
+    }
+}
+
+impl<T: LogOutput + ?Sized> LogOutput for Box<T> {
+    fn sync(&mut self) -> io::Result<()> {
+        (**self).sync()
+    }
+    fn reserve(&mut self, end_bytes: u64) -> io::Result<()> {
+        (**self).reserve(end_bytes)
+    }
+    fn truncate(&mut self, end_bytes: u64) -> io::Result<()> {
+        (**self).truncate(end_bytes)
+    }
+    fn free_bytes(&self) -> Option<u64> {
+        (**self).free_bytes()
+    }
+    fn name_lost(&self) -> Option<NameLost> {
+        (**self).name_lost()
+    }
+    fn save_beside(&mut self) -> io::Result<PathBuf> {
+        (**self).save_beside()
+    }
 }
 
 /// Blocks are claimed this far ahead, so that one system call serves several chunks.

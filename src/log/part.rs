@@ -6,10 +6,9 @@
 //! Should a write fail all the same, the file is cut back to the last closed chunk and closed
 //! without an index.
 
-use hydroline_core::lock::Lock;
 use std::collections::BTreeMap;
 use std::io::{self, Seek, SeekFrom, Write};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::MessageHeader;
 
@@ -24,17 +23,30 @@ use super::topic::Topic;
 pub type MetadataMap = BTreeMap<String, String>;
 
 /// Why a part cannot go on.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 pub(super) enum Fault {
     /// No room for the next message; the file can still be finished.
-    #[error("no room on the disk: {0}")]
     Full(io::Error),
     /// A write, sync or truncate failed.
-    #[error("{0} failed: {1}")]
     Io(&'static str, io::Error),
     /// The encoder refused.
-    #[error("MCAP encoder: {0}")]
-    Mcap(#[from] mcap::McapError),
+    Mcap(mcap::McapError),
+}
+
+impl std::fmt::Display for Fault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Fault::Full(e) => write!(f, "no room on the disk: {e}"),
+            Fault::Io(what, e) => write!(f, "{what} failed: {e}"),
+            Fault::Mcap(e) => write!(f, "MCAP encoder: {e}"),
+        }
+    }
+}
+
+impl From<mcap::McapError> for Fault {
+    fn from(e: mcap::McapError) -> Self {
+        Fault::Mcap(e)
+    }
 }
 
 /// Memory the mcap writer writes into; the writer keeps one handle, we the other.
@@ -49,7 +61,7 @@ struct Staged {
 
 impl Staging {
     fn with<R>(&self, f: impl FnOnce(&mut Staged) -> R) -> R {
-        f(&mut self.0.held())
+        f(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 

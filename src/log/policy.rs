@@ -77,7 +77,7 @@ pub struct Due {
 }
 
 /// The policy's memory.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Policy {
     limits: Limits,
     open_bytes: u64,
@@ -91,7 +91,10 @@ impl Policy {
     pub fn new(limits: Limits) -> Self {
         Self {
             limits,
-            ..Self::default()
+            open_bytes: 0,
+            opened_ns: None,
+            urgent_ns: None,
+            unsynced_ns: None,
         }
     }
 

@@ -5,9 +5,8 @@
 //! queued already stays contiguous. Everything else is admitted beyond the bound: it is small, and
 //! nothing brings it back. Order is first in, first out. The core has no locks and no clock.
 
-use hydroline_core::lock::Lock;
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::entry::Entry;
@@ -44,7 +43,7 @@ pub enum Admission {
 }
 
 /// The queue without locks.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct QueueCore {
     entries: VecDeque<Queued>,
     used_bytes: u64,
@@ -60,8 +59,14 @@ impl QueueCore {
     /// An empty queue that takes frames and derived messages up to `bound_bytes` in all.
     pub fn new(bound_bytes: u64) -> Self {
         Self {
+            entries: VecDeque::new(),
+            used_bytes: 0,
             bound_bytes,
-            ..Self::default()
+            peak_bytes: 0,
+            dropped_in_a_row: 0,
+            dropped_frames: 0,
+            dropped_derived: BTreeMap::new(),
+            closed: false,
         }
     }
 
@@ -176,7 +181,7 @@ impl<T> Queue<T> {
     /// it takes one entry, never while it writes: a producer does not wait for the disk.
     pub fn with<R>(&self, f: impl FnOnce(&mut QueueCore, &mut T) -> R) -> R {
         let result = {
-            let mut guard = self.inner.held();
+            let mut guard = self.lock();
             let (core, state) = &mut *guard;
             f(core, state)
         };
@@ -186,7 +191,7 @@ impl<T> Queue<T> {
 
     /// Waits up to `timeout` for the oldest entry.
     pub fn pop(&self, timeout: Duration) -> Popped {
-        let guard = self.inner.held();
+        let guard = self.lock();
         let waiting = |inner: &mut (QueueCore, T)| inner.0.is_empty() && !inner.0.closed;
         let (mut guard, _) = self
             .arrived
@@ -198,13 +203,17 @@ impl<T> Queue<T> {
             None => Popped::Timeout,
         }
     }
+
+    fn lock(&self) -> MutexGuard<'_, (QueueCore, T)> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::messages::pb;
+    use super::super::testing::{command, grey_frame};
     use super::*;
-    use crate::tests::fixtures::{command, grey_frame};
     use proptest::prelude::*;
 
     fn item(log_ns: u64, entry: Entry) -> Queued {

@@ -102,7 +102,11 @@ impl Iterator for RawReader {
                     }));
                 }
                 Step::Damage { offset, damage } => {
-                    return Some(Err(LogError::damaged(&self.path, (offset, damage))));
+                    return Some(Err(LogError::Damaged {
+                        path: self.path.clone(),
+                        offset,
+                        damage,
+                    }));
                 }
                 Step::Truncated { .. } | Step::Metadata { .. } => {}
             }

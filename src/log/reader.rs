@@ -13,7 +13,6 @@ use super::LogError;
 use super::image_topics::ImageKind;
 use super::messages::{self, ImageMessage, pb};
 use super::part::MetadataMap;
-use super::records::{ChannelRecord, MessageRecord};
 use super::scan::{self, FileScan, Scan, Step};
 use super::seal::SealFinding;
 use super::topic::Topic;
@@ -80,34 +79,6 @@ pub struct LogMessage {
     pub record: Record,
 }
 
-impl LogMessage {
-    /// A message of a channel, decoded by `record`.
-    pub(super) fn of(
-        path: &Path,
-        offset: u64,
-        channel: &ChannelRecord,
-        schema: &str,
-        message: MessageRecord,
-        record: impl FnOnce(MessageRecord) -> Result<Record, String>,
-    ) -> Result<Self, LogError> {
-        let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
-        let record = record(message).map_err(|reason| LogError::Message {
-            path: path.to_owned(),
-            offset,
-            topic: channel.topic.clone(),
-            schema: schema.to_owned(),
-            reason,
-        })?;
-        Ok(LogMessage {
-            log_ns,
-            publish_ns,
-            sequence,
-            offset,
-            record,
-        })
-    }
-}
-
 /// Reads a log from start to end. Everything is checked before it is handed out; the first item
 /// that is an error says where and why. After an error the iterator goes on with what is still
 /// sound (the next chunk), so stop at the first error unless salvaging.
@@ -143,7 +114,14 @@ impl<R: BufRead> LogReader<R> {
     /// # Errors
     /// As [`LogReader::open`].
     pub fn from_source(name: &Path, source: R) -> Result<Self, LogError> {
-        Ok(Self::over(name, Scan::of_file(name, source)?))
+        match Scan::new(source) {
+            Ok(Ok(scan)) => Ok(Self::over(name, scan)),
+            Ok(Err(found)) => Err(LogError::no_log(name, found)),
+            Err(source) => Err(LogError::Read {
+                path: name.to_owned(),
+                source,
+            }),
+        }
     }
 
     fn over(path: &Path, mut scan: Scan<R>) -> Self {
@@ -223,22 +201,29 @@ impl<R: BufRead> LogReader<R> {
     fn decode(
         &mut self,
         offset: u64,
-        channel: &Arc<ChannelRecord>,
-        message: MessageRecord,
+        channel: &Arc<super::records::ChannelRecord>,
+        message: super::records::MessageRecord,
     ) -> Result<LogMessage, LogError> {
-        let schema = self.scan.learnt.declared.schema_name(channel);
-        let (images, info) = (&mut self.images, &mut self.info);
-        LogMessage::of(
-            &self.path,
+        let schema = self.scan.learnt.declared.schema_name(channel).to_owned();
+        let (log_ns, publish_ns, sequence) = (message.log_ns, message.publish_ns, message.sequence);
+        let decoded = match &mut self.images {
+            Some(images) => images.decode(channel, &schema, message, &mut self.info),
+            None => decode(channel, &schema, message, &mut self.info),
+        };
+        let record = decoded.map_err(|reason| LogError::Message {
+            path: self.path.clone(),
             offset,
-            channel,
+            topic: channel.topic.clone(),
             schema,
-            message,
-            |m| match images {
-                Some(images) => images.decode(channel, schema, m, info),
-                None => decode(channel, schema, m, info),
-            },
-        )
+            reason,
+        })?;
+        Ok(LogMessage {
+            log_ns,
+            publish_ns,
+            sequence,
+            offset,
+            record,
+        })
     }
 }
 
@@ -257,7 +242,11 @@ impl<R: BufRead> Iterator for LogReader<R> {
                     return Some(self.decode(offset, &channel, message));
                 }
                 Step::Damage { offset, damage } => {
-                    return Some(Err(LogError::damaged(&self.path, (offset, damage))));
+                    return Some(Err(LogError::Damaged {
+                        path: self.path.clone(),
+                        offset,
+                        damage,
+                    }));
                 }
                 // Unchecked bytes: only `recover` looks at them.
                 Step::Truncated { .. } | Step::Metadata { .. } => {}
@@ -269,9 +258,9 @@ impl<R: BufRead> Iterator for LogReader<R> {
 impl Images {
     fn decode(
         &mut self,
-        channel: &ChannelRecord,
+        channel: &super::records::ChannelRecord,
         schema: &str,
-        message: MessageRecord,
+        message: super::records::MessageRecord,
         info: &mut Option<pb::FrameInfo>,
     ) -> Result<Record, String> {
         let kind = ImageKind::of(schema, &channel.message_encoding);
@@ -291,7 +280,11 @@ impl Images {
 }
 
 /// A message that is handed on as it is.
-fn other(channel: &ChannelRecord, schema: &str, message: MessageRecord) -> Record {
+fn other(
+    channel: &super::records::ChannelRecord,
+    schema: &str,
+    message: super::records::MessageRecord,
+) -> Record {
     Record::Other {
         topic: channel.topic.clone(),
         schema: schema.to_owned(),
@@ -310,9 +303,9 @@ pub(super) fn grey_rule(metadata: &BTreeMap<String, MetadataMap>) -> GreyRule {
 
 /// Decodes a message; `info` remembers the last FrameInfo for the image that follows it.
 pub(super) fn decode(
-    channel: &ChannelRecord,
+    channel: &super::records::ChannelRecord,
     schema: &str,
-    message: MessageRecord,
+    message: super::records::MessageRecord,
     info: &mut Option<pb::FrameInfo>,
 ) -> Result<Record, String> {
     let topic =

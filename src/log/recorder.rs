@@ -1,15 +1,14 @@
 //! The live log: a cheap handle for every producer, one queue, one writer thread.
 
-use hydroline_core::lock::Lock;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::LogError;
 use super::entry::Entry;
 use super::loss_account::{Counts, FrameLedger, LogOutcome, SummaryInput};
-use super::messages::pb;
+use super::messages::{self, pb};
 use super::queue::{Admission, Popped, Queue, Queued};
 use super::settings::{Head, PartOpener, WriteSettings};
 use super::time::LogTime;
@@ -103,6 +102,16 @@ impl Recorder {
         self.push(Entry::command(message));
     }
 
+    /// The controller's answer.
+    pub fn echo(&self, message: &pb::ThrusterEcho) {
+        self.push(Entry::echo(message));
+    }
+
+    /// The clocks, once a second.
+    pub fn clock(&self, message: &pb::ClockPair) {
+        self.push(Entry::clock(message));
+    }
+
     /// What happened to the daemon.
     pub fn event(&self, event: &Event) {
         // It takes back losses which a frame before was marked with.
@@ -113,6 +122,46 @@ impl Recorder {
             queue.with(|_, producers| producers.frames.retract(frames));
         }
         self.push(Entry::event(event));
+    }
+
+    /// The stripe of a frame.
+    pub fn profile(&self, message: &pb::StripeProfile) {
+        self.push(Entry::profile(message));
+    }
+
+    /// The stripe over the image, see [`messages::stripe_annotations`].
+    pub fn annotations(&self, message: &messages::ImageAnnotations) {
+        self.push(Entry::annotations(message));
+    }
+
+    /// The camera's intrinsics.
+    pub fn camera_calibration(&self, message: &messages::CameraCalibration) {
+        self.push(Entry::camera_calibration(message));
+    }
+
+    /// The map from image to laser plane.
+    pub fn plane_calibration(&self, message: &pb::PlaneCalibration) {
+        self.push(Entry::plane_calibration(message));
+    }
+
+    /// A measured pose.
+    pub fn motion(&self, message: &pb::VehicleMotion) {
+        self.push(Entry::motion(message));
+    }
+
+    /// The simulator's truth.
+    pub fn truth(&self, message: &pb::VehicleMotion) {
+        self.push(Entry::truth(message));
+    }
+
+    /// A pose for viewers.
+    pub fn pose(&self, message: &messages::PoseInFrame) {
+        self.push(Entry::pose(message));
+    }
+
+    /// A line of the daemon's own log.
+    pub fn log_line(&self, message: &messages::Log) {
+        self.push(Entry::log_line(message));
     }
 
     /// Anything; stamps it with the log time, in the order of arrival.
@@ -179,13 +228,22 @@ impl Recorder {
 
     /// Live counters.
     pub fn counts(&self) -> Counts {
-        let writer = self.shared.writer_counts.held().clone();
+        let writer = self
+            .shared
+            .writer_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
         producer_counts(&self.shared.queue, writer)
     }
 
     /// Why writing stopped (disk full or failed, the writer panicked), if it did: the recording should end.
     pub fn stopped(&self) -> Option<String> {
-        let counts = self.shared.writer_counts.held();
+        let counts = self
+            .shared
+            .writer_counts
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         counts.stopped.clone()
     }
 
@@ -202,7 +260,11 @@ impl Recorder {
 impl Shared {
     fn finish(&self, summary: &SummaryInput) -> Result<LogOutcome, LogError> {
         self.queue.with(|queue, _| queue.close());
-        let thread = self.thread.held().take();
+        let thread = self
+            .thread
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
         let writer = thread
             .ok_or(LogError::Finished)?
             .join()
@@ -212,7 +274,12 @@ impl Shared {
         let now_ns = self.clock.monotonic_ns();
         let counts = || producer_counts(&self.queue, Counts::default());
         let outcome = writer.finish(now_ns, summary, &counts);
-        outcome.counts.clone_into(&mut self.writer_counts.held());
+        outcome.counts.clone_into(
+            &mut self
+                .writer_counts
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner),
+        );
         Ok(outcome)
     }
 }
@@ -274,7 +341,10 @@ fn run(
         "the log's writer panicked ({words}), {given_up} queued entries are lost; `hydroline recover` mends the file"
     );
     tracing::error!("{why}");
-    shared.held().stopped = Some(why);
+    shared
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .stopped = Some(why);
     // What panicked while writing may panic again while being dropped.
     catch_unwind(AssertUnwindSafe(|| drop(writer))).ok();
     None
@@ -309,6 +379,6 @@ fn drain(
         }
         let mut latest = Counts::default();
         writer.count_into(&mut latest);
-        *shared.held() = latest;
+        *shared.lock().unwrap_or_else(PoisonError::into_inner) = latest;
     }
 }

@@ -8,7 +8,7 @@
 mod copy;
 mod ledger;
 
-use hydroline_core::plain::Lines;
+use hydroline_core::plain::line;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs::{File, OpenOptions};
@@ -79,15 +79,22 @@ pub fn recover(input: &Path, output: &Path) -> Result<Recovery, LogError> {
 /// [`LogError::OutputExists`]; [`LogError::Read`] and [`LogError::NotMcap`] for the input;
 /// [`LogError::Output`]; [`LogError::Verify`] when the result does not read back (it is removed).
 pub fn recover_as(input: &Path, output: &Path, build: BuildInfo) -> Result<Recovery, LogError> {
+    let read = |source| LogError::Read {
+        path: input.to_owned(),
+        source,
+    };
     let scan = scan::open(input)?;
-    let input_bytes = input.metadata().map_err(LogError::read(input))?.len();
+    let input_bytes = std::fs::metadata(input).map_err(read)?.len();
     // Half a recovery is worse than none: it gets its name when it has been read back.
     let unfinished = AtomicFile::begin(output)?;
     let file = OpenOptions::new()
         .write(true)
         .create_new(true)
         .open(unfinished.path())
-        .map_err(LogError::output(output))?;
+        .map_err(|e| LogError::Output {
+            path: output.to_owned(),
+            reason: e.to_string(),
+        })?;
     let (recovery, digest) = copy_all(scan, input, output, file, input_bytes, build)?;
     verify(unfinished.path(), recovery.messages_total, digest)?;
     unfinished.finish()?;
@@ -106,10 +113,11 @@ fn copy_all(
         path: output.to_owned(),
         reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
     };
-    let read = LogError::read(input);
-    let mut finder = File::open(input)
-        .and_then(ChunkFinder::new)
-        .map_err(&read)?;
+    let read = |source| LogError::Read {
+        path: input.to_owned(),
+        source,
+    };
+    let mut finder = File::open(input).and_then(ChunkFinder::new).map_err(read)?;
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
     let first = loop {
@@ -166,10 +174,10 @@ fn copy_all(
                 spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
                 damage.push((offset, d.to_string()));
                 if d.loses_the_thread()
-                    && let Some(next) = finder.find(scan.search_from(offset)).map_err(&read)?
+                    && let Some(next) = finder.find(scan.search_from(offset)).map_err(read)?
                 {
                     spoilt = true;
-                    scan.jump(next).map_err(&read)?;
+                    scan.jump(next).map_err(read)?;
                 }
             }
         }
@@ -212,13 +220,14 @@ fn copy_all(
             .map_err(out)?;
     }
     copy.writer.finish().map_err(out)?;
-    let written = || -> std::io::Result<u64> {
-        let mut buffered = copy.writer.into_inner();
-        buffered.flush()?;
-        buffered.get_ref().sync_all()?;
-        Ok(buffered.get_ref().metadata()?.len())
+    let io = |e: std::io::Error| LogError::Output {
+        path: output.to_owned(),
+        reason: e.to_string(),
     };
-    let output_bytes = written().map_err(LogError::output(output))?;
+    let mut buffered = copy.writer.into_inner();
+    buffered.flush().map_err(io)?;
+    buffered.get_ref().sync_all().map_err(io)?;
+    let output_bytes = buffered.get_ref().metadata().map_err(io)?.len();
     let recovery = Recovery {
         input: input.to_owned(),
         output: output.to_owned(),
@@ -330,37 +339,46 @@ fn verify(output: &Path, messages: u64, digest: u32) -> Result<(), LogError> {
 
 impl fmt::Display for Recovery {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut f = Lines(f);
-        writeln!(f, "{} -> {}", self.input.display(), self.output.display())?;
-        writeln!(
+        line(
             f,
-            "  {} messages recovered and verified, {} of them from the truncated last chunk",
-            self.messages_total, self.from_truncated_chunk
+            format_args!("{} -> {}", self.input.display(), self.output.display()),
+        )?;
+        line(
+            f,
+            format_args!(
+                "  {} messages recovered and verified, {} of them from the truncated last chunk",
+                self.messages_total, self.from_truncated_chunk
+            ),
         )?;
         for (topic, n) in &self.messages {
-            writeln!(f, "  {topic}  {n}")?;
+            line(f, format_args!("  {topic}  {n}"))?;
         }
         for (offset, damage) in &self.damage {
-            writeln!(f, "  at byte {offset}: {damage}")?;
+            line(f, format_args!("  at byte {offset}: {damage}"))?;
         }
         for (topic, n) in &self.undecodable {
-            writeln!(
+            line(
                 f,
-                "  {n} messages of {topic} do not decode; copied as they are"
+                format_args!("  {n} messages of {topic} do not decode; copied as they are"),
             )?;
         }
         for finding in &self.metadata {
-            writeln!(f, "  {finding}")?;
+            line(f, format_args!("  {finding}"))?;
         }
         if self.unread_bytes > 0 {
-            writeln!(
+            line(
                 f,
-                "  {} bytes from the damage on gave no message",
-                self.unread_bytes
+                format_args!(
+                    "  {} bytes from the damage on gave no message",
+                    self.unread_bytes
+                ),
             )?;
         }
         if self.attachments_left > 0 {
-            writeln!(f, "  {} attachments were not copied", self.attachments_left)?;
+            line(
+                f,
+                format_args!("  {} attachments were not copied", self.attachments_left),
+            )?;
         }
         let verdict = match (self.was_whole, self.lossy) {
             (true, _) => "the original was whole",
@@ -369,6 +387,6 @@ impl fmt::Display for Recovery {
             }
             (_, true) => "something that was in the file is lost or cannot be used",
         };
-        writeln!(f, "  {verdict}; the original is untouched")
+        line(f, format_args!("  {verdict}; the original is untouched"))
     }
 }

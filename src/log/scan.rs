@@ -91,8 +91,15 @@ pub(super) type FileScan = Scan<BufReader<File>>;
 
 /// Opens a file.
 pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
-    let file = File::open(path).map_err(LogError::read(path))?;
-    Scan::of_file(path, BufReader::with_capacity(1 << 18, file))
+    let read = |source| LogError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(read)?;
+    match Scan::new(BufReader::with_capacity(1 << 18, file)).map_err(read)? {
+        Ok(scan) => Ok(scan),
+        Err(found) => Err(LogError::no_log(path, found)),
+    }
 }
 
 impl<R: BufRead> Scan<R> {
@@ -112,12 +119,6 @@ impl<R: BufRead> Scan<R> {
             ended_at: None,
             behind_chunk: 0,
         }))
-    }
-
-    /// Over a source whose name stands in errors.
-    pub fn of_file(name: &Path, source: R) -> Result<Self, LogError> {
-        let scan = Self::new(source).map_err(LogError::read(name))?;
-        scan.map_err(|found| LogError::no_log(name, found))
     }
 
     /// From where to look for the next sound chunk after damage at `offset` that loses the thread: nothing between the last

@@ -15,6 +15,9 @@ use super::topic::Topic;
 /// Opens the files of a recording, part by part from 0.
 pub trait PartOpener: Send {
     /// A new, empty file and its path.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
     fn open(&mut self, part: u32) -> io::Result<(Box<dyn LogOutput>, PathBuf)>;
 }
 

@@ -4,6 +4,9 @@ use hydroline_rigs::Camera;
 use std::path::Path;
 
 /// Whether a log can be made in the folder `dir`; if not, why, with what to do.
+///
+/// # Errors
+/// Words.
 pub fn writable_folder(dir: &Path) -> Result<(), String> {
     let shown = dir.display();
     match std::fs::metadata(dir) {

@@ -7,12 +7,10 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
+use super::testing::{MemoryDisk, T0_NS, command, grey_frame};
 use super::*;
-use fixtures::{MemoryDisk, T0_NS, command, grey_frame};
 use hydroline_core::clock::{Clock, ManualClock, SystemClock};
 use hydroline_core::event::{Event, Severity, kind};
-
-pub(crate) mod fixtures;
 
 fn head() -> Head {
     Head {

@@ -8,7 +8,6 @@ use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::layer::{Context, Layer};
 
-use super::entry::Entry;
 use super::messages::{Log, foxglove_time};
 use super::recorder::{Recorder, WeakRecorder};
 
@@ -68,14 +67,14 @@ impl<S: Subscriber> Layer<S> for LogLayer {
             Level::INFO => foxglove::messages::log::Level::Info,
             _ => foxglove::messages::log::Level::Debug,
         };
-        recorder.push(Entry::log_line(&Log {
+        recorder.log_line(&Log {
             timestamp: Some(foxglove_time(recorder.now_unix_ns())),
             level: level.into(),
             message: text.message + &text.fields,
             name: meta.target().to_owned(),
             file: meta.file().unwrap_or_default().to_owned(),
             line: meta.line().unwrap_or(0),
-        }));
+        });
         INSIDE.set(false);
     }
 }
@@ -99,9 +98,9 @@ impl Visit for Text {
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::MemoryDisk;
     use super::super::*;
     use super::*;
-    use crate::tests::fixtures::MemoryDisk;
     use hydroline_core::clock::SystemClock;
     use std::path::Path;
     use tracing_subscriber::prelude::*;

@@ -15,13 +15,6 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// Least and greatest of some numbers; +inf and -inf of none. NaN is passed over.
-pub fn extent(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
-    let nothing = (f64::INFINITY, f64::NEG_INFINITY);
-    let wider = |(low, high): (f64, f64), v| (low.min(v), high.max(v));
-    values.into_iter().fold(nothing, wider)
-}
-
 /// Robust standard deviation about 0: 1.4826 median |v|.
 pub fn robust_sd(values: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = values

@@ -5,7 +5,6 @@ use crate::seen::{Extent, edges};
 use crate::setpoint::{SetpointError, setpoint};
 use hydroline_calib::analytic::IdealMap;
 use hydroline_calib::plane::PlaneMap;
-use hydroline_rigs::channel::Channel;
 use hydroline_rigs::{Plan, Rig};
 use hydroline_sim::{SimError, World};
 use serde::Serialize;
@@ -201,6 +200,21 @@ struct Check<'a> {
     least_edges: u8,
 }
 
+const CHANNELS: [&str; 12] = [
+    "x_m",
+    "y_m",
+    "z_m",
+    "phi_rad",
+    "theta_rad",
+    "psi_rad",
+    "u_mps",
+    "v_mps",
+    "w_mps",
+    "p_radps",
+    "q_radps",
+    "r_radps",
+];
+
 impl<'a> Check<'a> {
     fn new(rig: &'a Rig, plan: &'a Plan, repeats: Repeats, map: &'a dyn PlaneMap) -> Self {
         let empty = |name: String| Range {
@@ -219,9 +233,9 @@ impl<'a> Check<'a> {
             plan,
             repeats,
             starts: Vec::new(),
-            ranges: Channel::ALL
-                .into_iter()
-                .map(|c| c.name().to_owned())
+            ranges: CHANNELS
+                .iter()
+                .map(|c| (*c).to_owned())
                 .chain(pulses)
                 .map(empty)
                 .collect(),
@@ -277,7 +291,7 @@ impl<'a> Check<'a> {
     fn pulses(&mut self, t_s: f64, period_s: f64, pulses_us: &[f64]) {
         let set = &self.rig.thrusters;
         for (i, &pulse_us) in pulses_us.iter().enumerate() {
-            self.widen(Channel::ALL.len() + i, pulse_us);
+            self.widen(CHANNELS.len() + i, pulse_us);
             let name = set.thrusters.get(i).map_or("?", |t| t.name.as_str());
             if !(set.min_us..=set.max_us).contains(&pulse_us) {
                 self.violate(t_s, &format!("pulse of {name}"), || {

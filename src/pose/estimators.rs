@@ -80,6 +80,9 @@ pub struct Estimate {
 }
 
 /// Whether roll, taken as zero by `what`, is so.
+///
+/// # Errors
+/// [`EstimatorFault::Rolled`].
 pub fn upright(levels: &Levels, what: &'static str) -> Result<(), EstimatorFault> {
     let roll_rad = -levels.slope.atan();
     if roll_rad.abs() <= ROLL_ALLOWED_RAD {

@@ -9,7 +9,7 @@
 use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter, Speculative};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
-use hydroline_log::messages::VehicleMotion;
+use hydroline_log::messages::{pb::VehicleMotion, timestamp};
 use hydroline_rigs::Rig;
 use hydroline_stripe::Profile;
 use std::sync::Arc;
@@ -157,10 +157,16 @@ impl PoseRun {
 
 /// The message of a pose: what was not measured stays out; its rows in the covariance are zero.
 pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
-    let eta = fit.pose.to_array();
-    let eta = std::array::from_fn(|i| fit.measured[i].then(|| eta[i]));
+    let value = |i: usize| fit.measured[i].then(|| fit.pose.to_array()[i]);
     VehicleMotion {
-        covariance: fit.covariance.transpose().iter().copied().collect(),
-        ..VehicleMotion::of_pose(stamp_ns, eta)
+        timestamp: Some(timestamp(stamp_ns)),
+        x_m: value(0),
+        y_m: value(1),
+        z_m: value(2),
+        phi_rad: value(3),
+        theta_rad: value(4),
+        psi_rad: value(5),
+        covariance: (0..36).map(|k| fit.covariance[(k / 6, k % 6)]).collect(),
+        ..VehicleMotion::default()
     }
 }

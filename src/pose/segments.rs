@@ -117,17 +117,23 @@ pub struct Levels {
 
 /// Why a stripe cannot be sorted.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum SegmentError {
+    /// Too little stripe.
     #[error(
         "{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?"
     )]
-    TooFew { points: usize, needed: usize },
+    TooFew {
+        /// Points there.
+        points: usize,
+        /// Points needed.
+        needed: usize,
+    },
     /// Points, but no line.
     #[error(
         "{points} stripe points, but no {columns} columns of sound ones in a row: is a lamp, a window, a bar or a reflection taken for the line, or the line clipped? Darken it, or lower the exposure"
     )]
     NoLine {
+        /// Points there.
         points: usize,
         /// Columns in a row that are needed.
         columns: usize,

@@ -79,16 +79,26 @@ pub struct Run {
 
 /// Why a run cannot be smoothed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum SmoothError {
+    /// Too short.
     #[error(
         "{frames} frames with a pose, at least {needed} are needed to bind a run: replay without --smooth"
     )]
-    TooFew { frames: usize, needed: usize },
+    TooFew {
+        /// There.
+        frames: usize,
+        /// Needed.
+        needed: usize,
+    },
+    /// Stamps.
     #[error(
         "frame {frame}: its stamp does not follow the one before; smooth one recording at a time"
     )]
-    Order { frame: usize },
+    Order {
+        /// Index.
+        frame: usize,
+    },
+    /// A hole.
     #[error(
         "{gap_s:.1} s without a pose before frame {frame}, more than the dynamics bridge ({allowed_s} s): cut the log there, or replay without --smooth"
     )]
@@ -100,13 +110,20 @@ pub enum SmoothError {
         /// Allowed \[s\].
         allowed_s: f64,
     },
+    /// Numbers left their range.
     #[error(
         "frame {frame}: the smoother diverged (not finite); check [vehicle] in the rig, or replay without --smooth"
     )]
-    Diverged { frame: usize },
+    Diverged {
+        /// Index.
+        frame: usize,
+    },
 }
 
 /// Smooths the frames of one run, in the order of their stamps.
+///
+/// # Errors
+/// [`SmoothError`].
 pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, SmoothError> {
     check(frames)?;
     let walk_sd = tune::most_likely(frames, dynamics)?;

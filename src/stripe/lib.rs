@@ -25,6 +25,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(test)]
+mod accuracy;
 mod band;
 mod banding;
 mod ceiling;
@@ -41,10 +43,18 @@ mod noise;
 mod output;
 mod path;
 mod report;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod robustness;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod room;
+#[cfg_attr(test, allow(clippy::unwrap_used))]
 mod scatter;
 mod segments;
 pub mod synthetic;
 mod trace;
+#[cfg_attr(test, allow(clippy::unwrap_used))]
 mod transpose;
 
 pub use band::Band;
@@ -102,7 +112,6 @@ pub struct Profile {
 
 /// Why a frame has no stripe.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ProfileFault {
     /// The pixel buffer does not fit the stated size.
     #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]
@@ -111,7 +120,9 @@ pub enum ProfileFault {
         width_px: usize,
         /// Height \[px\].
         height_px: usize,
+        /// Bytes needed.
         needed: usize,
+        /// Bytes there.
         got: usize,
     },
     /// Too small to hold a stripe.
@@ -123,7 +134,9 @@ pub enum ProfileFault {
         width_px: usize,
         /// Height \[px\].
         height_px: usize,
+        /// Fewest columns.
         min_columns: usize,
+        /// Fewest rows.
         min_rows: usize,
     },
     /// Nothing stands out of the noise.
@@ -140,12 +153,11 @@ pub enum ProfileFault {
     /// Something stands out, but not a stripe.
     #[error("no stripe: bright spots in {spotted} columns, a stripe in {found}, needed {needed}")]
     TooFewColumns {
+        /// Columns with a candidate.
         spotted: usize,
+        /// Columns with a point.
         found: usize,
+        /// Columns needed.
         needed: usize,
     },
 }
-
-#[cfg(test)]
-#[path = "tests/unit/mod.rs"]
-mod tests;

@@ -56,6 +56,7 @@ pub fn annotate(image: &GreyImage, profile: &Profile) -> RgbImage {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::{Extractor, ExtractorConfig, StripePoint};

@@ -1,6 +1,6 @@
 //! One [`ThrusterLink`] for every controller: sets of pulses out, echoes in.
 //!
-//! [`Protocol`] is the part without I/O (bytes to events and back); the link drives one over a byte
+//! [`Protocol`] is the part without I/O (bytes to events and back); [`WireLink`] drives one over a byte
 //! [`Transport`]. Both protocols answer every command: `stamped` with its Ack,
 //! the Maestro with the positions that are asked for right behind the targets.
 
@@ -105,22 +105,43 @@ pub trait Protocol: Send {
     fn clock(&self) -> Option<Estimate>;
 }
 
-/// A link to a thruster controller: its protocol over a byte line.
-pub struct ThrusterLink {
-    protocol: Box<dyn Protocol>,
-    transport: Box<dyn Transport>,
+/// A link to a thruster controller.
+pub trait ThrusterLink: Send {
+    /// Brings a freshly opened line into a known state.
+    ///
+    /// # Errors
+    /// When the line does not take the bytes.
+    fn open(&mut self) -> io::Result<()>;
+    /// Sends one set, all channels.
+    ///
+    /// # Errors
+    /// When the line does not take the bytes in time.
+    fn send(&mut self, sequence: u32, pulses: &[ChannelPulse], neutral: bool) -> io::Result<Sent>;
+    /// Waits up to `wait` for bytes and returns what they mean; sends housekeeping that is due.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>>;
+    /// Bytes the kernel still holds although they should be out; `None` where it cannot say.
+    fn unsent_bytes(&mut self) -> Option<usize>;
+    /// Since when something was asked and nothing sound has been heard \[ns\]; `None` = no answer is overdue.
+    fn silent_since_ns(&self) -> Option<u64>;
+    /// State of the controller's clock, where it has one.
+    fn clock(&self) -> Option<Estimate>;
+}
+
+/// A protocol over a transport.
+pub struct WireLink<P, T> {
+    protocol: P,
+    transport: T,
     buffer: Vec<u8>,
     write_timeout: Duration,
     silent_since_ns: Option<u64>,
 }
 
-impl ThrusterLink {
+impl<P: Protocol, T: Transport> WireLink<P, T> {
     /// `write_timeout` bounds every write.
-    pub fn new(
-        protocol: Box<dyn Protocol>,
-        transport: Box<dyn Transport>,
-        write_timeout: Duration,
-    ) -> Self {
+    pub fn new(protocol: P, transport: T, write_timeout: Duration) -> Self {
         Self {
             protocol,
             transport,
@@ -130,9 +151,9 @@ impl ThrusterLink {
         }
     }
 
-    /// Gives up the line, which closes it, and keeps the protocol for the next one.
-    pub fn into_protocol(self) -> Box<dyn Protocol> {
-        self.protocol
+    /// The two parts.
+    pub fn into_parts(self) -> (P, T) {
+        (self.protocol, self.transport)
     }
 
     fn write(&mut self) -> io::Result<Sent> {
@@ -152,39 +173,24 @@ impl ThrusterLink {
             self.write().map(drop)
         }
     }
+}
 
-    /// Brings a freshly opened line into a known state.
-    ///
-    /// # Errors
-    /// When the line does not take the bytes.
-    pub fn open(&mut self) -> io::Result<()> {
+impl<P: Protocol, T: Transport> ThrusterLink for WireLink<P, T> {
+    fn open(&mut self) -> io::Result<()> {
         self.buffer.clear();
         self.protocol
             .opened(self.transport.now_ns(), &mut self.buffer);
         self.write().map(drop)
     }
 
-    /// Sends one set, all channels.
-    ///
-    /// # Errors
-    /// When the line does not take the bytes in time.
-    pub fn send(
-        &mut self,
-        sequence: u32,
-        pulses: &[ChannelPulse],
-        neutral: bool,
-    ) -> io::Result<Sent> {
+    fn send(&mut self, sequence: u32, pulses: &[ChannelPulse], neutral: bool) -> io::Result<Sent> {
         self.buffer.clear();
         self.protocol
             .set_pulses(sequence, pulses, neutral, &mut self.buffer);
         self.write()
     }
 
-    /// Waits up to `wait` for bytes and returns what they mean; sends housekeeping that is due.
-    ///
-    /// # Errors
-    /// When the line is gone.
-    pub fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>> {
+    fn poll(&mut self, wait: Duration) -> io::Result<Vec<LinkEvent>> {
         self.housekeeping()?;
         let mut events = Vec::new();
         let mut bytes = [0u8; 256];
@@ -204,19 +210,49 @@ impl ThrusterLink {
         }
     }
 
-    /// Bytes the kernel still holds although they should be out; `None` where it cannot say.
-    pub fn unsent_bytes(&mut self) -> Option<usize> {
+    fn unsent_bytes(&mut self) -> Option<usize> {
         self.transport.unsent_bytes()
     }
 
-    /// Since when something was asked and nothing sound has been heard \[ns\]; `None` = no answer is overdue.
-    pub fn silent_since_ns(&self) -> Option<u64> {
+    fn silent_since_ns(&self) -> Option<u64> {
         self.silent_since_ns
     }
 
-    /// State of the controller's clock, where it has one.
-    pub fn clock(&self) -> Option<Estimate> {
+    fn clock(&self) -> Option<Estimate> {
         self.protocol.clock()
+    }
+}
+
+impl Protocol for Box<dyn Protocol> {
+    fn bytes_per_set(&self, channels: usize) -> (usize, usize) {
+        (**self).bytes_per_set(channels)
+    }
+    fn opened(&mut self, now_ns: u64, out: &mut Vec<u8>) {
+        (**self).opened(now_ns, out);
+    }
+    fn set_pulses(
+        &mut self,
+        sequence: u32,
+        pulses: &[ChannelPulse],
+        neutral: bool,
+        out: &mut Vec<u8>,
+    ) {
+        (**self).set_pulses(sequence, pulses, neutral, out);
+    }
+    fn housekeeping(&mut self, now_ns: u64, out: &mut Vec<u8>) {
+        (**self).housekeeping(now_ns, out);
+    }
+    fn sent(&mut self, last_byte_out_ns: u64) {
+        (**self).sent(last_byte_out_ns);
+    }
+    fn receive(&mut self, bytes: &[u8], at_ns: u64, events: &mut Vec<LinkEvent>) {
+        (**self).receive(bytes, at_ns, events);
+    }
+    fn tick(&mut self, now_ns: u64, events: &mut Vec<LinkEvent>) {
+        (**self).tick(now_ns, events);
+    }
+    fn clock(&self) -> Option<Estimate> {
+        (**self).clock()
     }
 }
 

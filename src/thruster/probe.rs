@@ -38,12 +38,13 @@ pub struct Answered {
 
 /// Why a controller cannot be used as it is.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ProbeError {
+    /// Nothing came back.
     #[error(
         "opened, but nothing answers: check power, TX/RX wiring, the baud rate of rig and controller, and thrusters.link.kind"
     )]
     Silent,
+    /// What was sent came back.
     #[error(
         "the line echoes what is sent to it: take out the loopback plug, or switch the adapter's echo off (half-duplex RS-485)"
     )]
@@ -58,19 +59,27 @@ pub enum ProbeError {
         "a Maestro in CRC mode, which ignores commands without a check sum: take the tick off 'Enable CRC' in the Pololu Maestro Control Center, Serial Settings"
     )]
     Crc,
+    /// Something else talks.
     #[error(
         "something answers, but not as a {protocol} controller does ({bytes} bytes, first {first:02x?}): check the baud rate and thrusters.link.kind"
     )]
     Nonsense {
+        /// Protocol of the rig.
         protocol: &'static str,
+        /// How many bytes came.
         bytes: usize,
+        /// The first of them.
         first: Vec<u8>,
     },
+    /// The line.
     #[error("the line failed: {0}")]
     Io(#[from] io::Error),
 }
 
 /// Asks once; see the module.
+///
+/// # Errors
+/// [`ProbeError`].
 pub fn probe(set: &ThrusterSet, line: &mut dyn Transport) -> Result<Answered, ProbeError> {
     let channels: Vec<u8> = set.thrusters.iter().map(|t| t.channel).collect();
     match set.link.kind {

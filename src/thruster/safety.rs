@@ -82,13 +82,13 @@ pub struct PulseLimits {
 
 /// Why a set was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum Refused {
     /// Outside the range (or NaN).
     #[error(
         "thruster {index}: pulse {pulse_us} us is outside {min_us}..{max_us} us: nothing was sent; check the curve and [thrusters] limits"
     )]
     Range {
+        /// Index in the rig's order.
         index: usize,
         /// Asked \[us\].
         pulse_us: f64,
@@ -97,11 +97,20 @@ pub enum Refused {
         /// Largest \[us\].
         max_us: f64,
     },
+    /// Wrong number of values.
     #[error("{got} pulses for {want} thrusters: nothing was sent")]
-    Count { got: usize, want: usize },
+    Count {
+        /// Got.
+        got: usize,
+        /// Thrusters.
+        want: usize,
+    },
     /// The state does not allow running.
     #[error("thrusters are {state:?}: a set-point is not taken before they are armed again")]
-    State { state: State },
+    State {
+        /// State.
+        state: State,
+    },
 }
 
 /// A set that may go out.

@@ -14,7 +14,6 @@ pub use self::core::{Core, Flow};
 pub use error::{ServiceError, check_set};
 
 use error::check;
-use hydroline_core::lock::Lock;
 
 use super::link::protocol_for;
 use super::lowlatency::LowLatency;
@@ -30,7 +29,7 @@ use hydroline_rigs::ThrusterSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 /// Takes every record, on the service's thread. Must not block: it stands in the way of the next command.
@@ -180,15 +179,18 @@ impl Shared {
     }
 
     fn state(&self) -> State {
-        self.state.held().unwrap_or(State::Lost)
+        self.state
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .unwrap_or(State::Lost)
     }
 
     fn set_state(&self, state: State) {
-        *self.state.held() = Some(state);
+        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
     }
 
     fn plan<R>(&self, f: impl FnOnce(&mut PlanState) -> R) -> R {
-        f(&mut self.plan.held())
+        f(&mut self.plan.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Nobody is left to run it.
@@ -201,7 +203,7 @@ impl Shared {
     }
 
     fn stats<R>(&self, f: impl FnOnce(&mut ServiceStats) -> R) -> R {
-        f(&mut self.stats.held())
+        f(&mut self.stats.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 

@@ -86,6 +86,21 @@ pub trait Transport: Send {
     fn unsent_bytes(&mut self) -> Option<usize>;
 }
 
+impl Transport for Box<dyn Transport> {
+    fn now_ns(&self) -> u64 {
+        (**self).now_ns()
+    }
+    fn write(&mut self, bytes: &[u8], timeout: Duration) -> io::Result<Sent> {
+        (**self).write(bytes, timeout)
+    }
+    fn read(&mut self, buffer: &mut [u8], timeout: Duration) -> io::Result<usize> {
+        (**self).read(buffer, timeout)
+    }
+    fn unsent_bytes(&mut self) -> Option<usize> {
+        (**self).unsent_bytes()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

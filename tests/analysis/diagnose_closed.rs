@@ -4,7 +4,6 @@
 use crate::diagnose_motion::{clean, simulated};
 use hydroline::diagnose::verdict::Word;
 use hydroline::diagnose::{Source, diagnose};
-use hydroline::run::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 
 /// Something at one place of the tank: 1.2 N exp(-((x - 0.3) / 0.1)^2 / 2).
@@ -70,7 +69,7 @@ fn an_unnamed_force_is_written_down_and_predicts_twice_the_load() {
     );
     let pairs = truth.samples.iter().zip(&predicted.samples);
     let square: f64 = pairs
-        .map(|(a, b)| (a.values[Channel::X] - b.values[Channel::X]).powi(2))
+        .map(|(a, b)| (a.values[0] - b.values[0]).powi(2))
         .sum();
     let rms_m = (square / truth.samples.len() as f64).sqrt();
     println!("off by {:.2} mm at twice the load", rms_m * 1e3);

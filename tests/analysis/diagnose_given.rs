@@ -8,7 +8,7 @@ use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
 use hydroline::diagnose::{Beside, Source, diagnose, diagnose_beside};
-use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
+use hydroline::identify::data::{Command, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
 use hydroline_sim::given::Curve;
@@ -38,7 +38,7 @@ fn given(dofs: &[Dof]) -> Beside<'_> {
 fn clean(run: Run) -> Source {
     Source {
         run,
-        ..Source::default()
+        faults: Vec::new(),
     }
 }
 
@@ -54,7 +54,7 @@ fn show(v: &Verdict) {
     for u in &v.unexplained {
         println!("  unexplained {}", u.term);
     }
-    println!("  given {:?} factors {:?}", v.given, v.at_limit);
+    println!("  given {:?} factors {:?}", v.given, v.rig_factors);
     println!("  {:?}\n  -> {:?}", v.parameters.before, v.parameters.after);
     println!("  fit {:?}", v.fit);
     for a in &v.alternatives {
@@ -98,10 +98,10 @@ fn pushed(water: &Rig, name: &str, steps: [f64; 3], seed: u64) -> Run {
     for k in 0..175 {
         let t_s = 0.006 + 0.08 * f64::from(k);
         let eta = path.state_at(t_s).unwrap().vehicle.eta;
-        let mut values = PerChannel::NAN;
+        let mut values = [f64::NAN; 12];
         for c in [0, 1, 5] {
             let normal: f64 = StandardNormal.sample(&mut rng);
-            values[Channel::POSES[c]] = eta[c] + 2e-4 * normal;
+            values[c] = eta[c] + 2e-4 * normal;
         }
         run.samples.push(Sample {
             t_s,
@@ -112,21 +112,16 @@ fn pushed(water: &Rig, name: &str, steps: [f64; 3], seed: u64) -> Run {
     run
 }
 
-/// Three runs of a vehicle whose thrusters lag in surge, and that yaws though nothing commands it.
-fn yawing(rig: &Rig) -> Vec<Source> {
-    let water = with(rig.clone(), "thruster_lag", ("lag_s", 0.3), "surge");
-    let runs = [[8.0, -6.0, 4.0], [-5.0, 9.0, 0.0], [4.0, 10.0, -8.0]];
-    runs.into_iter()
-        .zip(1..)
-        .map(|(steps, seed)| clean(pushed(&water, &format!("run{seed}"), steps, seed)))
-        .collect()
-}
-
 #[test]
-#[ignore = "half a minute of processor time: tests/nightly; every day the same runs with yaw given"]
 fn yaw_that_nobody_commanded_is_said_and_surge_is_explained_beside_it() {
     let rig = Rig::builtin("lshpi").unwrap();
-    let runs = yawing(&rig);
+    let water = with(rig.clone(), "thruster_lag", ("lag_s", 0.3), "surge");
+    let runs = [[8.0, -6.0, 4.0], [-5.0, 9.0, 0.0], [4.0, 10.0, -8.0]];
+    let runs: Vec<Source> = runs
+        .into_iter()
+        .zip(1..)
+        .map(|(steps, seed)| clean(pushed(&water, &format!("run{seed}"), steps, seed)))
+        .collect();
     let v = diagnose(&runs, &[], &rig, &|_| {}).unwrap().verdict;
     show(&v);
     assert!(v.given.contains(&"yaw".to_owned()), "{:?}", v.given);
@@ -143,13 +138,7 @@ fn yaw_that_nobody_commanded_is_said_and_surge_is_explained_beside_it() {
         .find(|e| e.effect == "thruster_lag")
         .unwrap();
     assert!((lag.parameters["lag_s"].value - 0.3).abs() < 0.03);
-}
-
-/// Said to be an input, nothing is left to explain.
-#[test]
-fn yaw_that_is_given_leaves_surge_alone() {
-    let rig = Rig::builtin("lshpi").unwrap();
-    let runs = yawing(&rig);
+    // Said to be an input, nothing is left to explain.
     let v = diagnose_beside(&runs, &[], &rig, &given(&[Dof::Yaw, Dof::Sway]), &|_| {});
     let v = v.unwrap().verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
@@ -174,9 +163,9 @@ fn decay(water: &Rig, name: &str, u_mps: f64, phi_rad: f64, seed: u64) -> Run {
     for k in 0..300 {
         let t_s = 0.05 * f64::from(k);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-        let mut values = PerChannel::NAN;
-        values[Channel::Phi] = path.state_at(t_s).unwrap().vehicle.eta[3] + 5e-4 * normal();
-        values[Channel::U] = u_mps + 2e-3 * normal();
+        let mut values = [f64::NAN; 12];
+        values[3] = path.state_at(t_s).unwrap().vehicle.eta[3] + 5e-4 * normal();
+        values[6] = u_mps + 2e-3 * normal();
         run.samples.push(Sample {
             t_s,
             values,
@@ -219,9 +208,11 @@ fn speed_damps_roll_and_one_speed_alone_cannot_show_it() {
         "{:?}",
         v.blind_spots
     );
-    let roll = v.at_limit.iter().find(|c| c.key == "k_p");
-    let roll = roll.unwrap_or_else(|| panic!("{:?}", v.at_limit));
-    assert!((roll.factor / 4.0 - 1.0).abs() < 0.25, "{roll:?}");
+    let factor = v
+        .rig_factors
+        .get("k_p")
+        .unwrap_or_else(|| panic!("{:?}", v.rig_factors));
+    assert!((factor.value / 4.0 - 1.0).abs() < 0.25, "{factor:?}");
 }
 
 const SHIP_KG: f64 = 3272.0;
@@ -272,16 +263,13 @@ impl Zigzag {
         for row in self.rows.iter().step_by(every) {
             let [t_s, x, y, psi, vx, vy, turn, _, delta, _, thrust_n, _] = *row;
             let (sin, cos) = psi.to_radians().sin_cos();
-            let mut values = PerChannel::NAN;
-            (values[Channel::X], values[Channel::Y], values[Channel::Psi]) =
-                (x, y, psi.to_radians());
+            let mut values = [f64::NAN; 12];
+            (values[0], values[1], values[5]) = (x, y, psi.to_radians());
             if turned {
-                (values[Channel::U], values[Channel::V]) =
-                    (vx * cos + vy * sin, vy * cos - vx * sin);
-                values[Channel::R] = turn.to_radians();
+                (values[6], values[7]) = (vx * cos + vy * sin, vy * cos - vx * sin);
+                values[11] = turn.to_radians();
             } else {
-                (values[Channel::U], values[Channel::V], values[Channel::P]) =
-                    (vx, vy, turn.to_radians());
+                (values[6], values[7], values[9]) = (vx, vy, turn.to_radians());
             }
             made.samples.push(Sample {
                 t_s,
@@ -394,8 +382,8 @@ fn rolling(stem: &str, u_mps: f64, window_s: (f64, f64), every: usize) -> Option
     for line in text.lines().skip(1).step_by(every) {
         let cell = |w: &str| w.trim().parse().unwrap_or(f64::NAN);
         let row: Vec<f64> = line.split(',').map(cell).collect();
-        let mut values = PerChannel::NAN;
-        (values[Channel::Phi], values[Channel::U]) = (row[phi], u_mps);
+        let mut values = [f64::NAN; 12];
+        (values[3], values[6]) = (row[phi], u_mps);
         if (window_s.0..window_s.1).contains(&row[0]) {
             run.samples.push(Sample {
                 t_s: row[0],
@@ -434,9 +422,5 @@ fn the_ship_under_way_is_damped_by_its_lift() {
     show(&v);
     assert!(probability(&v, "lift_damping") < 0.5, "{}", v.sentence);
     assert!(v.blind_spots.contains(&"lift_damping".to_owned()));
-    assert!(
-        v.at_limit.iter().any(|c| c.key == "k_p"),
-        "{:?}",
-        v.at_limit
-    );
+    assert!(v.rig_factors.contains_key("k_p"), "{:?}", v.rig_factors);
 }

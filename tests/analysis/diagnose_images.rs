@@ -17,10 +17,9 @@ fn found(path: &Path) -> Findings {
     found
 }
 
-/// Of the four logs with a true flat port, a tilted sheet, a larger target, and nothing, the third; all of them:
-/// [`all_four_independent_effects`].
+/// The four logs with a true flat port, a tilted sheet, a larger target, and nothing; every day the last two.
 fn the_independent_effects_are_named_with_their_numbers(images: &Path) {
-    effects_are_named(images, &["c"]);
+    effects_are_named(images, &["c", "d"]);
 }
 
 #[test]
@@ -80,9 +79,9 @@ fn effects_are_named(images: &Path, logs: &[&str]) {
     }
 }
 
-/// One over the target; with those over the bare floor: [`all_undisturbed_logs`].
+/// One over the target and one over the bare floor; all of them: [`all_undisturbed_logs`].
 fn undisturbed_logs_of_the_independent_renderer_give_nothing(images: &Path) {
-    give_nothing(images, &["surge-4n-disturbed"]);
+    give_nothing(images, &["surge-4n-disturbed", "roll"]);
 }
 
 #[test]
@@ -109,8 +108,12 @@ fn give_nothing(images: &Path, logs: &[&str]) {
     }
 }
 
-/// Sealed cases of one effect (refraction, a tilted sheet, a larger target) and of none, found right before: a regression
-/// test, no estimate. `hydroline prove --images 90` makes others.
+/// Sealed cases of one effect (refraction, a tilted sheet, a larger target) and of none, found right before: a regression test, no estimate. `hydroline prove --images 90` makes others.
+#[test]
+fn one_of_our_own_cases() {
+    come_out_right(&[9]);
+}
+
 #[test]
 #[ignore = "two minutes of processor time: tests/nightly"]
 fn a_handful_of_our_own_cases() {

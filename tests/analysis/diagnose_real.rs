@@ -51,7 +51,6 @@ fn stretch(of: &Source, name: &str, from_s: f64, to_s: f64, thin: usize) -> Sour
     Source {
         run,
         faults: of.faults.iter().filter(|f| !f.fatal).cloned().collect(),
-        ..Source::default()
     }
 }
 
@@ -98,12 +97,12 @@ fn show(v: &Verdict) {
     println!("  {:?} -> {:?}", v.parameters.before, v.parameters.after);
     for a in &v.alternatives {
         println!(
-            "  {:.1} {:.3} {:?}",
-            a.log_evidence, a.probability, a.effects
+            "  {:.1} {:.3} {:?} {:?}",
+            a.log_evidence, a.probability, a.effects, a.held_out
         );
     }
     for r in &v.ablation {
-        println!("  + {:?}: {:?} {:?}", r.effect, r.train, r.predicted);
+        println!("  + {:?}: {:?} {:?}", r.effect, r.train, r.held_out);
     }
     println!("  blind {:?}\n  notes {:?}", v.blind_spots, v.notes);
 }
@@ -214,8 +213,7 @@ fn a_whole_decay_needs_no_windows() {
         "{}",
         v.sentence
     );
-    let others = v.leave_one_run_out.as_ref().unwrap();
-    assert!(others.after["phi_rad"] < others.before["phi_rad"] / 5.0);
+    assert!(v.fit.held_out.after["phi_rad"] < v.fit.held_out.before["phi_rad"] / 5.0);
 }
 
 /// The published simulation of the same test is inviscid. A rig is made to move as it does (its own
@@ -251,8 +249,10 @@ fn the_inviscid_simulation_left_out_damping() {
         v.sentence,
         v.effects
     );
-    let others = v.leave_one_run_out.as_ref().unwrap();
-    let (before, after) = (others.before["phi_rad"], others.after["phi_rad"]);
+    let (before, after) = (
+        v.fit.held_out.before["phi_rad"],
+        v.fit.held_out.after["phi_rad"],
+    );
     assert!(after < 0.4 * before, "{before} {after}");
     // And linear damping: the recording has more of it than the simulation.
     let linear = |p: &std::collections::BTreeMap<String, hydroline::diagnose::verdict::Value>| {

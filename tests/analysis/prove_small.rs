@@ -55,10 +55,8 @@ fn a_clock_that_drifts_is_distinguished_from_the_records_or_else_from_the_motion
     );
 }
 
-/// The paper's two constant thrusts leave a set open, and the run proposed next splits it. A limit that does nothing beside
-/// the true effect was asked for too, as "never fitted".
+/// The paper's two constant thrusts leave a set open, and the run proposed next splits it.
 #[test]
-#[ignore = "half a minute of processor time: tests/nightly; every day diagnose_motion has a set of the paper's runs"]
 fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
     let all = judged(1, &["paper-0"]);
     assert_eq!(all[0].word, Word::Ambiguous, "{}", all[0].sentence);
@@ -68,6 +66,12 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
         assert!(set(id), "{id}: {:?}", all[0].equivalent);
     }
     assert_eq!(passed(&all, "paper_split"), 1, "{}", all[0].sentence);
+}
+
+/// Was asked for too: a limit that does nothing beside the true effect is distinguished from it, not "never fitted".
+#[test]
+fn a_rival_that_does_nothing_is_not_asked_for_in_the_papers_set() {
+    let all = judged(1, &["paper-0"]);
     let paper = all[0].paper.as_ref().unwrap();
     let limit = |id: &String| id.as_str() == "thruster_saturation";
     assert!(
@@ -79,7 +83,6 @@ fn what_the_papers_protocol_leaves_open_the_next_run_splits() {
 
 /// Surge, sway and yaw at once gave no verdict in ten minutes.
 #[test]
-#[ignore = "a minute of processor time: tests/nightly; every day diagnose_body diagnoses coupled runs"]
 fn coupled_cases_are_named_with_their_dof_and_nothing_is_none() {
     let judged = coupled::run(11, &[1, 2], None, &|_| {}).unwrap();
     for j in &judged {

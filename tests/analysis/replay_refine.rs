@@ -8,7 +8,7 @@ use std::path::Path;
 
 const THICKNESS_M: f64 = 0.0022;
 const TILT_RAD: f64 = 0.0012;
-const PLAN: &str = "[[step]]\nfor_s = 0.4\nwrench = { surge_n = 8.0 }\n";
+const PLAN: &str = "[[step]]\nfor_s = 1.0\nwrench = { surge_n = 8.0 }\n";
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -87,7 +87,7 @@ fn a_sheet_that_is_not_the_rigs_is_found_and_the_poses_follow_it() {
     let words = ["replay", text(&log), "--rig", "lshpi", "--out"];
     let [_, stderr] = run_to(3, &[&words[..], &[text(&plain)]].concat());
     assert!(
-        stderr.contains("only 0 of 10 frames have a pose") && stderr.contains("--refine"),
+        stderr.contains("only 0 of 25 frames have a pose") && stderr.contains("--refine"),
         "{stderr}"
     );
     let words = ["replay", text(&log), "--rig", "lshpi", "--json", "--refine"];
@@ -117,7 +117,7 @@ fn a_sheet_that_is_not_the_rigs_is_found_and_the_poses_follow_it() {
     println!("{without} poses, x and theta off by {before:?} at most; refined {poses}, {after:?}");
     // Under the rig's own sheet the frames do not fit, and are not said to.
     assert_eq!(without, 0);
-    assert_eq!(poses, 10);
+    assert_eq!(poses, 25);
     // Four sds of single frames with the thickness known.
     assert!(
         after[0] < 1.4e-3 && after[1] < 0.1f64.to_radians(),

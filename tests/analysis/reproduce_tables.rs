@@ -71,7 +71,6 @@ fn one_undisturbed_surge_experiment_stays_within_its_sd() {
 }
 
 #[test]
-#[ignore = "11 s of processor time: tests/nightly reproduce; every day the surge experiment"]
 fn one_yaw_experiment_stays_within_its_sd() {
     let rows = dofs(&[Dof::Yaw], 1, &|| ()).unwrap();
     let joint = rows.iter().find(|r| r.estimator == "joint").unwrap();

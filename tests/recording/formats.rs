@@ -159,51 +159,35 @@ fn difference_px(a: &StripeProfile, b: &StripeProfile) -> (f64, f64) {
     (both.iter().sum::<f64>() / both.len() as f64, worst)
 }
 
-/// A pixel format, its keys in the rig's `[camera]` and `[laser]`, mean and largest difference to the grey camera's rows \[px\].
-type Case = (PixelFormat, &'static str, &'static str, f64, f64);
-
-const GREY: Case = (PixelFormat::Grey, "", "", 0.0, 0.0);
-const NV12: Case = (PixelFormat::Nv12, "", "", 0.0, 0.0);
-/// Three quarters of red's pixels are interpolated.
-const BAYER_RED: Case = (
-    PixelFormat::Bayer(BayerOrder::Bggr, BayerDepth::Sixteen),
-    "bits = 12\n",
-    "channel = \"red\"\n",
-    0.01,
-    0.5,
-);
-
 #[test]
-fn one_picture_in_three_formats_is_one_stripe_and_every_loss_is_counted() {
-    one_stripe_of(&[GREY, NV12, BAYER_RED]);
-}
-
-#[test]
-#[ignore = "half a minute of processor time: tests/nightly; every day three of them"]
 fn one_picture_in_every_format_is_one_stripe_and_every_loss_is_counted() {
-    one_stripe_of(&[
-        GREY,
+    let dir = tempfile::tempdir().unwrap();
+    let deep = BayerDepth::Sixteen;
+    let mut reference: Option<StripeProfile> = None;
+    // Format, its keys in the rig, mean and largest difference to the grey camera's rows [px].
+    for (format, camera, channel, mean_px, worst_px) in [
+        (PixelFormat::Grey, "", "", 0.0, 0.0),
         (PixelFormat::Uyvy, "", "", 0.0, 0.0),
-        NV12,
+        (PixelFormat::Nv12, "", "", 0.0, 0.0),
         (PixelFormat::Rgb24, "", "channel = \"red\"\n", 0.0, 0.0),
         // 4096 levels and back to the same 256.
         (PixelFormat::Y16, "bits = 12\n", "", 0.0, 0.0),
-        // Half of green's pixels are interpolated.
+        // Half of green's and three quarters of red's pixels are interpolated.
         (
-            PixelFormat::Bayer(BayerOrder::Grbg, BayerDepth::Sixteen),
+            PixelFormat::Bayer(BayerOrder::Grbg, deep),
             "bits = 12\n",
             "channel = \"green\"\n",
             0.01,
             0.5,
         ),
-        BAYER_RED,
-    ]);
-}
-
-fn one_stripe_of(cases: &[Case]) {
-    let dir = tempfile::tempdir().unwrap();
-    let mut reference: Option<StripeProfile> = None;
-    for &(format, camera, channel, mean_px, worst_px) in cases {
+        (
+            PixelFormat::Bayer(BayerOrder::Bggr, deep),
+            "bits = 12\n",
+            "channel = \"red\"\n",
+            0.01,
+            0.5,
+        ),
+    ] {
         let name = format!("{}{}", format.name(), channel.len());
         let log = dir.path().join(format!("{name}.mcap"));
         let out = dir.path().join(format!("{name}-replayed.mcap"));

@@ -64,8 +64,7 @@ sessions! {
         "README.md" "tank", bring_readings, [NO_HANDS];
     the_demo_prints_what_the_guide_says nightly "records in real time: a minute and a half":
         "src/guide/introduction.md" "demo", nothing, [];
-    the_tank_day_runs_on_the_simulator nightly "half a minute of processor time: the tank session, which runs every day, takes the same way":
-        "src/guide/tank-day.md" "day", bring_readings_and_exposures, DAY;
+    the_tank_day_runs_on_the_simulator: "src/guide/tank-day.md" "day", bring_readings_and_exposures, DAY;
     plans_are_designed_as_the_tank_day_says nightly "designs for six degrees of freedom: minutes":
         "src/guide/tank-day.md" "design", bring_a_rig, [];
     the_series_until_it_is_decided_runs nightly "records in real time until it is decided: minutes":
@@ -74,8 +73,7 @@ sessions! {
     the_simulated_camera_leaves_light_as_it_is: "src/guide/cameras.md" "exposures", nothing, [];
     the_camera_s_response_is_measured: "src/guide/cameras.md" "response", bring_exposures, [];
     images_of_others_are_read: "src/guide/cameras.md" "images", bring_images, [];
-    runs_become_coefficients nightly "half a minute of processor time":
-        "src/guide/identify.md" "poses", bring_runs, [];
+    runs_become_coefficients: "src/guide/identify.md" "poses", bring_runs, [];
     the_roll_decay_is_diagnosed nightly "diagnoses a long recording twice: minutes":
         "src/guide/diagnose.md" "roll", bring_the_roll_decay, [];
     logs_of_others_become_verdicts: "src/guide/import.md" "foreign", has_python, FOREIGN;

@@ -83,7 +83,7 @@ class Judge(unittest.TestCase):
             found["value"] += 0.02 * found["sd"]
 
         def sentence(result):
-            result["sentence"] = "Left out: a lag, indeed."
+            result["sentence"] += " Indeed."
 
         for change in (word, effect, parameter):
             self.assertFalse(judged("verdicts", "lag", change).passes, change.__name__)

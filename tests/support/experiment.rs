@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use hydroline::identify::Identification;
+use hydroline::identify::data::{Command, Run, Sample};
 use hydroline::identify::lm::LevenbergMarquardt;
 use hydroline::identify::parameter::Coefficient;
-use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::Hydrodynamics;
@@ -63,7 +63,7 @@ pub fn simulated(
         .map(|k| {
             let t_s = 0.006 + 0.04 * k as f64;
             let eta = path.state_at(t_s).unwrap().vehicle.eta;
-            let mut values = PerChannel::NAN;
+            let mut values = [f64::NAN; 12];
             let spoilt = chance.random::<f64>() < noise.outliers;
             for c in 0..6 {
                 let sd = if c < 3 {
@@ -72,7 +72,7 @@ pub fn simulated(
                     noise.attitude_rad
                 };
                 colour[c] = decay * colour[c] + (1.0 - decay * decay).sqrt() * normal();
-                values[Channel::POSES[c]] = eta[c]
+                values[c] = eta[c]
                     + sd * (normal() + noise.coloured * colour[c])
                     + if spoilt { 20.0 * sd * normal() } else { 0.0 };
             }

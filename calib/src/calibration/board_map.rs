@@ -130,7 +130,6 @@ impl Calibration {
             placement: Some(provenance.placement),
             coplanarity: Some(provenance.coplanarity),
             map: match map {
-                #[cfg(feature = "lab")]
                 FittedMap::Grid(m) => MapParameters::Grid(Box::new(m)),
                 FittedMap::Homography(m) => MapParameters::Homography(Box::new(m)),
                 FittedMap::Refractive(m) => MapParameters::Refractive(Box::new(m)),

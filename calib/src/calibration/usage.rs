@@ -7,16 +7,19 @@ use crate::plane::ImageSize;
 
 /// Why a calibration is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum UseError {
     /// Made in one medium, to be used in another.
     #[error(
         "the calibration was made in {made} (board {board}), the run is in {run}: {cost}. Calibrate in {run}, or force it"
     )]
     Medium {
+        /// Medium of the calibration.
         made: &'static str,
+        /// Medium of the run.
         run: &'static str,
+        /// Board it was made with.
         board: String,
+        /// What it would cost.
         cost: &'static str,
     },
     /// Made from images of one size, to be used on another.
@@ -24,7 +27,12 @@ pub enum UseError {
         "the calibration was made from images of {} × {} px, the run's have {} × {}: another size or crop is another map. Calibrate with the run's camera settings",
         made.width_px, made.height_px, run.width_px, run.height_px
     )]
-    Image { made: ImageSize, run: ImageSize },
+    Image {
+        /// Images of the calibration.
+        made: ImageSize,
+        /// Images of the run.
+        run: ImageSize,
+    },
 }
 
 impl Calibration {

@@ -6,8 +6,8 @@ use super::image::{Grey, Plane};
 
 /// Why there are no nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum NotFound {
+    /// Nothing in the image.
     #[error(
         "the image is empty: {width} × {height} px, grey levels within {range:.0}; check lens cap, light and exposure"
     )]
@@ -19,6 +19,7 @@ pub enum NotFound {
         /// Spread of the grey levels (1st to 99th percentile).
         range: f64,
     },
+    /// Too much light.
     #[error(
         "{:.0} % of the image is saturated; shorten the exposure until the board's white is below 230", 100.0 * share
     )]
@@ -26,6 +27,7 @@ pub enum NotFound {
         /// Share of pixels at 254 or 255.
         share: f64,
     },
+    /// Out of focus or moving.
     #[error(
         "the image is blurred by {blur_px:.1} px; nodes need less than 3 px: focus (`hydroline aim`), or hold the board still"
     )]
@@ -33,13 +35,17 @@ pub enum NotFound {
         /// Standard deviation of the point spread \[px\].
         blur_px: f64,
     },
+    /// No lattice.
     #[error("no board in the image; bring the board into view, dark marks on a light face")]
     NoBoard,
+    /// Another board.
     #[error("another board than the file's: {} nodes{} seen, {} × {} expected; give the file of the board that is in the tank",
         format_args!("{} × {}", seen[0], seen[1]),
         pattern.map(|p| format!(" of {p}")).unwrap_or_default(), wanted[0], wanted[1])]
     WrongBoard {
+        /// Columns and rows seen.
         seen: [u32; 2],
+        /// Columns and rows of the file.
         wanted: [u32; 2],
         /// Pattern seen, where it is not the file's.
         pattern: Option<&'static str>,
@@ -49,19 +55,29 @@ pub enum NotFound {
         "only {} × {} of {} × {} nodes are in view and no key says which; show all columns and rows, or use a board with a key",
         seen[0], seen[1], wanted[0], wanted[1]
     )]
-    PartlySeen { seen: [u32; 2], wanted: [u32; 2] },
+    PartlySeen {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+        /// Columns and rows of the file.
+        wanted: [u32; 2],
+    },
     /// As many nodes as the board has, up to the image's border, and no key.
     #[error(
         "{} × {} nodes are seen, but the image ends little more than half a step beyond them and no key says that they are the board's: a tiled floor looks the same; show what is around the board, or use a board with a key",
         seen[0], seen[1]
     )]
-    EndNotSeen { seen: [u32; 2] },
+    EndNotSeen {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+    },
     /// Something in front of the board, and of its key.
     #[error(
         "{nodes} of {of} nodes are seen, the {missing} of the board is missing and no key says which node is which: take away what is in front of the board; if nothing is, give the file of the board that is in the tank"
     )]
     Covered {
+        /// Nodes seen.
         nodes: usize,
+        /// Nodes of the file.
         of: usize,
         /// Which part is missing, as the camera sees it.
         missing: String,
@@ -74,13 +90,25 @@ pub enum NotFound {
         /// A board on its side would look the same.
         aside: bool,
     },
+    /// Rotated onto its side.
     #[error(
         "the board lies on its side ({} × {} nodes seen, {} × {} expected); put it upright",
         seen[0], seen[1], wanted[0], wanted[1]
     )]
-    NotUpright { seen: [u32; 2], wanted: [u32; 2] },
+    NotUpright {
+        /// Columns and rows seen.
+        seen: [u32; 2],
+        /// Columns and rows of the file.
+        wanted: [u32; 2],
+    },
+    /// Two boards.
     #[error("two boards in view ({first} and {second} nodes); cover or remove one")]
-    TwoBoards { first: usize, second: usize },
+    TwoBoards {
+        /// Nodes of the larger.
+        first: usize,
+        /// Nodes of the other.
+        second: usize,
+    },
 }
 
 /// Share of saturated pixels that explains a board that is not found: marks are lost by a twentieth

@@ -1,5 +1,5 @@
+use super::synthetic::{CLUTTER_KINDS, Scene, View, clutter, render};
 use super::*;
-use crate::synthetic::{CLUTTER_KINDS, Scene, View, clutter, render};
 use hydroline_rigs::GaugeBlock;
 use std::collections::BTreeMap;
 

@@ -67,20 +67,31 @@ pub const MOST_PAGES: usize = 200;
 
 /// A tiling that cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum TileError {
+    /// Margin outside of its range.
     #[error("a margin of {mm} mm: {low} to {high} mm is possible (the cut marks stand in it), e.g. 10", low = MARGIN_MM[0], high = MARGIN_MM[1])]
-    Margin { mm: f64 },
+    Margin {
+        /// As given.
+        mm: f64,
+    },
+    /// Overlap outside of its range.
     #[error(
         "an overlap of {mm} mm: 0 to {OVERLAP_MM} mm is possible, e.g. 10; 0 = pages are put edge to edge"
     )]
-    Overlap { mm: f64 },
+    Overlap {
+        /// As given.
+        mm: f64,
+    },
+    /// Too large for paper.
     #[error(
         "{size_mm:.0?} mm would be {pages} pages of {paper}, at most {MOST_PAGES} are written: take larger paper, or have the .svg plotted whole"
     )]
     Pages {
+        /// Width and height of the part.
         size_mm: [f64; 2],
+        /// How many pages.
         pages: usize,
+        /// The paper's name.
         paper: &'static str,
     },
 }

@@ -3,6 +3,7 @@
 use super::exposure::{Exposure, Noise};
 use super::{FlatError, Options};
 use hydroline_numerics::statistics::median;
+use std::fmt;
 
 /// Brightness of the frames that goes one way by more than this is an exposure that is being set.
 const DRIFT_MOST: f64 = 0.03;
@@ -19,26 +20,36 @@ const LIT_BLOCKS: usize = 20;
 const FLICKER_SAID: f64 = 0.005;
 
 /// What is not steady.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unsteady {
     /// Brightness goes one way.
-    #[error(
-        "its frames change by {:+.1} % in brightness from first to last: auto exposure or auto gain is on, or a lamp warms up. Set the camera's controls to manual, wait, and record again",
-        100.0 * .0
-    )]
     Drifts(f64),
     /// Brightness goes up and down: sd.
-    #[error(
-        "its frames differ by {:.0} % in brightness: the light flickers. Use daylight or a lamp on direct current, or exposure times that are multiples of half the mains' period (10 ms at 50 Hz)",
-        100.0 * .0
-    )]
     Flickers(f64),
     /// Share of the picture that moves.
-    #[error(
-        "{:.0} % of the picture moves while it is recorded. Fix the camera, keep people and water still, and record again",
-        100.0 * .0
-    )]
     Moves(f64),
+}
+
+impl fmt::Display for Unsteady {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Unsteady::Drifts(share) => write!(
+                f,
+                "its frames change by {:+.1} % in brightness from first to last: auto exposure or auto gain is on, or a lamp warms up. Set the camera's controls to manual, wait, and record again",
+                100.0 * share
+            ),
+            Unsteady::Flickers(sd) => write!(
+                f,
+                "its frames differ by {:.0} % in brightness: the light flickers. Use daylight or a lamp on direct current, or exposure times that are multiples of half the mains' period (10 ms at 50 Hz)",
+                100.0 * sd
+            ),
+            Unsteady::Moves(share) => write!(
+                f,
+                "{:.0} % of the picture moves while it is recorded. Fix the camera, keep people and water still, and record again",
+                100.0 * share
+            ),
+        }
+    }
 }
 
 /// Of one exposure.

@@ -2,7 +2,7 @@
 //!
 //! Everything measured lies on the sheet, so a map from plane to plane needs no single
 //! viewpoint: a flat port's refraction is absorbed by the distortion terms and one more
-//! ([`lens`]) to 0.01 mm (the lab compares all maps). How many of them are used is decided by the
+//! ([`lens`]) to 0.01 mm (see [`crate::study`]). How many of them are used is decided by the
 //! nodes themselves ([`fitting`]).
 
 mod fitting;

@@ -7,17 +7,28 @@ use nalgebra::{DMatrix, DVector};
 
 /// Why a fit failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum LmError {
+    /// Fewer residuals than parameters.
     #[error("{residuals} residuals cannot fix {parameters} parameters; more nodes are needed")]
-    Underdetermined { residuals: usize, parameters: usize },
+    Underdetermined {
+        /// Residuals offered.
+        residuals: usize,
+        /// Parameters asked for.
+        parameters: usize,
+    },
     /// The start already gives infinite or undefined residuals.
     #[error(
         "the model is not finite at the start of the fit; the nodes do not look like a board seen from outside its plane"
     )]
     NotFinite,
+    /// The steps ran out.
     #[error("no minimum after {iterations} steps (cost {cost:.3e})")]
-    NoMinimum { iterations: usize, cost: f64 },
+    NoMinimum {
+        /// Steps made.
+        iterations: usize,
+        /// Sum of squares reached.
+        cost: f64,
+    },
 }
 
 impl From<NotFinite> for LmError {

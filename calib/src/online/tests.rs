@@ -2,7 +2,7 @@ use super::*;
 use crate::board::coplanarity::Gap;
 use crate::calibration::compare::compare;
 use crate::detect::{BoardNode, Orientation};
-use crate::synthetic::truth::Rig;
+use crate::study::truth::Rig;
 use hydroline_rigs::BoardPattern;
 use nalgebra::DMatrix;
 use rand::{SeedableRng, rngs::StdRng};
@@ -198,7 +198,7 @@ fn calibration(method: Method, seed: u64, rig: &Rig, shift_m: f64) -> Calibratio
             method,
             fit: FitOptions {
                 image: None,
-                refractive: Some(crate::synthetic::truth::prior(rig)),
+                refractive: Some(crate::study::prior(rig)),
             },
             ..OnlineOptions::default()
         },
@@ -209,7 +209,7 @@ fn calibration(method: Method, seed: u64, rig: &Rig, shift_m: f64) -> Calibratio
 
 #[test]
 fn files_read_back_to_the_same_map() {
-    for &method in Method::ALL {
+    for method in Method::ALL {
         let made = calibration(method, 4, &Rig::behind_port(), 0.0);
         let text = made.to_toml().unwrap();
         let again =

@@ -1,6 +1,6 @@
 //! Random views of boards under real light, and what a detection of them is worth.
 
-use crate::synthetic::{Scene, Tone, View, render};
+use hydroline_calib::detect::synthetic::{Scene, Tone, View, render};
 use hydroline_calib::detect::{Detection, NotFound};
 use hydroline_calib::map::{FitOptions, Method, fit};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use toml::de::DeTable;
 
-use super::{Includes, Section};
+use super::Asked;
+use super::Section;
 use crate::bounded;
 use crate::error::{Problem, ProblemKind, RigError};
 
@@ -60,20 +61,30 @@ impl<'d> Document<'d> {
     }
 }
 
-/// Everything found wrong so far, and where included files are.
+/// Everything found wrong so far.
 #[derive(Default)]
 pub(crate) struct Problems {
     found: RefCell<Vec<Problem>>,
-    pub(super) includes: Includes,
+    /// Which keys were asked for, where somebody wants to know.
+    asked: Option<RefCell<Vec<Asked>>>,
 }
 
 impl Problems {
-    /// None yet, of a file that may include others.
-    pub(crate) fn with_includes(includes: Includes) -> Problems {
+    /// One that also notes which keys are asked for.
+    pub(crate) fn listening() -> Problems {
         Problems {
-            includes,
+            asked: Some(RefCell::default()),
             ..Problems::default()
         }
+    }
+
+    pub(super) fn asked(&self) -> Option<&RefCell<Vec<Asked>>> {
+        self.asked.as_ref()
+    }
+
+    /// Which keys were asked for.
+    pub(crate) fn into_asked(self) -> Vec<Asked> {
+        self.asked.map(RefCell::into_inner).unwrap_or_default()
     }
 
     pub(crate) fn push(&self, file: &str, line: Option<usize>, key: String, kind: ProblemKind) {
@@ -93,34 +104,45 @@ impl Problems {
                 return Ok(value);
             }
             // A reader gave up without a word: still an error with a name.
-            let what = "the file is incomplete".to_owned();
-            problems.push(of_file(file, what, "Compare it with `hydroline rig new`"));
+            problems.push(Problem {
+                file: file.to_owned(),
+                line: None,
+                key: String::new(),
+                kind: ProblemKind::Rule {
+                    what: "the file is incomplete".to_owned(),
+                    next: "Compare it with `hydroline rig new`".to_owned(),
+                },
+            });
         }
         // The main file first, then what it includes; in each by line.
         problems.sort_by_key(|p| {
-            let included = (p.file != file).then(|| p.file.clone());
-            (included, p.line.unwrap_or(usize::MAX))
+            let included = p.file != file;
+            (
+                included,
+                if included {
+                    p.file.clone()
+                } else {
+                    String::new()
+                },
+                p.line.unwrap_or(usize::MAX),
+            )
         });
         problems.dedup();
         if problems.len() > MOST_PROBLEMS {
             let more = problems.len() - MOST_PROBLEMS;
             problems.truncate(MOST_PROBLEMS);
-            let next = "Put the first ones right, or check that this is the right file";
-            let what = format!("{more} more problems are not listed");
-            problems.push(of_file(file, what, next));
+            problems.push(Problem {
+                file: file.to_owned(),
+                line: None,
+                key: String::new(),
+                kind: ProblemKind::Rule {
+                    what: format!("{more} more problems are not listed"),
+                    next: "Put the first ones right, or check that this is the right file"
+                        .to_owned(),
+                },
+            });
         }
         Err(RigError::Invalid { problems })
-    }
-}
-
-/// A problem of the file as a whole.
-fn of_file(file: &str, what: String, next: &str) -> Problem {
-    let next = next.to_owned();
-    Problem {
-        file: file.to_owned(),
-        line: None,
-        key: String::new(),
-        kind: ProblemKind::Rule { what, next },
     }
 }
 
@@ -134,11 +156,18 @@ pub(crate) fn read_document<T>(
     read: impl FnOnce(&Section<'_>) -> Option<T>,
 ) -> Option<T> {
     if text.len() as u64 > LARGEST_FILE_BYTES {
-        let bytes = text.len();
-        let what =
-            format!("{bytes} bytes are more than a configuration file has ({LARGEST_FILE_BYTES})");
-        let problem = of_file(file, what, "Check that this is the right file");
-        problems.found.borrow_mut().push(problem);
+        problems.push(
+            file,
+            None,
+            String::new(),
+            ProblemKind::Rule {
+                what: format!(
+                    "{} bytes are more than a configuration file has ({LARGEST_FILE_BYTES})",
+                    text.len()
+                ),
+                next: "Check that this is the right file".to_owned(),
+            },
+        );
         return None;
     }
     let document = Document::new(file, text);

@@ -1,35 +1,27 @@
 //! Files that a rig names: targets and boards.
 
-use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-use super::kinds::{One, text};
-use super::{Described, Kind, Problems, Section, Table, Writer, read_document, read_text};
+use super::target::{Placement, read_placement};
+use super::{Problems, Section, read_board, read_document, read_target, read_text};
 use crate::builtin;
+use crate::error::ProblemKind;
+use crate::{Board, Target};
 
 /// Where the files a rig names are looked for.
-#[derive(Default)]
 pub(crate) enum Includes {
     /// Beside the rig file.
     Folder(PathBuf),
     /// Among the files compiled in.
-    #[default]
     Builtin,
 }
 
 /// Marks a built-in in a rig that lies on disk.
 const BUILTIN_PREFIX: &str = "builtin:";
 
-/// The built-in files of a kind, as a rig on disk names them.
-fn known(kind: &str) -> String {
-    let names = builtin::files(kind).iter();
-    let names: Vec<String> = names.map(|(n, _)| format!("{BUILTIN_PREFIX}{n}")).collect();
-    names.join(", ")
-}
-
 impl Includes {
     /// Name for messages, and the text; `Err` = what went wrong and what to do.
-    fn text(&self, kind: &str, typed: &str) -> Result<(String, String), (String, String)> {
+    fn text(&self, kind: &'static str, typed: &str) -> Result<(String, String), (String, String)> {
         let builtin_name = match (self, typed.strip_prefix(BUILTIN_PREFIX)) {
             (_, Some(name)) => Some(name),
             (Includes::Builtin, None) => Some(typed),
@@ -45,7 +37,14 @@ impl Includes {
                 Some((known, text)) => Ok((format!("builtin:{known}"), (*text).to_owned())),
                 None => Err((
                     format!("no built-in {kind} is called {stem:?}"),
-                    format!("Enter one of {}, or write the table out", known(kind)),
+                    format!(
+                        "Enter one of {}, or write the table out",
+                        files
+                            .iter()
+                            .map(|(n, _)| format!("{BUILTIN_PREFIX}{n}"))
+                            .collect::<Vec<_>>()
+                            .join(", ")
+                    ),
                 )),
             };
         }
@@ -62,90 +61,110 @@ impl Includes {
                 error.to_string(),
                 format!(
                     "The path counts from the rig's own folder; built-in ones are {}",
-                    known(kind)
+                    builtin::files(kind)
+                        .iter()
+                        .map(|(n, _)| format!("{BUILTIN_PREFIX}{n}"))
+                        .collect::<Vec<_>>()
+                        .join(", ")
                 ),
             )),
         }
     }
 }
 
-/// A table that is written out, or stands in a file that the rig names: `key = "FILE"`, or `[key]` with `file = "FILE"`.
-pub(crate) struct Included<T, P> {
-    place: fn(&mut T, P),
-    of: PhantomData<(T, P)>,
+/// What a rig says about a target or board.
+enum Source<'d> {
+    /// `[target]` written out.
+    Inline(Section<'d>),
+    /// `target = "FILE"`, or `[target]` with `file = "FILE"` (the section then may place it).
+    File(String, Option<Section<'d>>),
 }
 
-/// Beside `file` the keys of `P` may stand, which `place` the included table anew.
-pub(crate) const fn included<T: Table, P: Table>(place: fn(&mut T, P)) -> Included<T, P> {
-    Included {
-        place,
-        of: PhantomData,
+fn source<'d>(root: &Section<'d>, key: &str) -> Option<Option<Source<'d>>> {
+    root.asks_for(key, "table", "");
+    let Some(item) = root.item(key) else {
+        return Some(None);
+    };
+    if let Some(file) = item.value.as_str() {
+        return Some(Some(Source::File(file.to_owned(), None)));
     }
-}
-
-impl<T: Table, P: Table> Included<T, P> {
-    /// Reads the file that `key` names.
-    fn file(&self, s: &Section<'_>, key: &str, file: &str) -> Option<T> {
-        let problems: &Problems = s.problems();
-        match problems.includes.text(key, file) {
-            Ok((name, text)) => read_document(&name, &text, problems, T::read),
-            Err((what, next)) => {
-                s.rule(key, what, next);
-                None
-            }
-        }
-    }
-}
-
-impl<T: Table, P: Table> Kind for Included<T, P> {
-    type Value = T;
-
-    fn typed(&self, s: &Section<'_>, key: &str) -> Option<Option<T>> {
-        let Some(item) = s.item(key) else {
-            return Some(None);
-        };
-        if let Some(file) = item.value.as_str() {
-            return self.file(s, key, file).map(Some);
-        }
-        let Some(section) = s.section_of(&item) else {
-            s.wrong_type(
-                &item,
-                format!("a table [{key}] or the path of a {key} file"),
-            );
-            return None;
-        };
-        match file().typed(&section, "file")? {
-            None => T::read(&section).map(Some),
-            Some(file) => {
-                let placed = P::read(&section);
-                let mut table = self.file(s, key, &file)?;
-                (self.place)(&mut table, placed?);
-                Some(Some(table))
-            }
-        }
-    }
-
-    fn left_out(&self, s: &Section<'_>, key: &str) -> Option<T> {
-        s.missing(key, format!("the table [{key}]"));
-        None
-    }
-
-    fn write(&self, w: &mut Writer, key: &str, value: &T) {
-        w.table(key, value);
-    }
-
-    fn describe(&self, to: &mut Described<'_>, key: &str, about: &'static str) {
-        to.table::<T>(key, |to| {
-            file().optional().describe(to, "file", about);
-            T::describe_keys(to);
-        });
-    }
-}
-
-/// The key that names the file.
-fn file() -> One<String> {
-    text(
+    let Some(section) = root.section_of(&item) else {
+        root.wrong_type(
+            &item,
+            format!("a table [{key}] or the path of a {key} file"),
+        );
+        return None;
+    };
+    section.asks_for(
+        "file",
+        "text",
         "the path of a file beside the rig, or `\"builtin:NAME\"`",
-        |_| true,
-    )
+    );
+    if section.has("file") {
+        let (file, _) = section.text_opt("file", "the path of a file")?;
+        return Some(Some(Source::File(file, Some(section))));
+    }
+    Some(Some(Source::Inline(section)))
+}
+
+fn included<T>(
+    root: &Section<'_>,
+    includes: &Includes,
+    kind: &'static str,
+    file: &str,
+    read: impl FnOnce(&Section<'_>) -> Option<T>,
+) -> Option<T> {
+    match includes.text(kind, file) {
+        Ok((name, text)) => {
+            let problems: &Problems = root.problems();
+            read_document(&name, &text, problems, read)
+        }
+        Err((what, next)) => {
+            if let Some(item) = root.item(kind) {
+                root.report(&item, ProblemKind::Rule { what, next });
+            }
+            None
+        }
+    }
+}
+
+/// `Some(None)`: the rig has none. `None`: reported.
+pub(super) fn read_rig_target(root: &Section<'_>, includes: &Includes) -> Option<Option<Target>> {
+    match source(root, "target")? {
+        None => Some(None),
+        Some(Source::Inline(section)) => read_target(&section).map(Some),
+        Some(Source::File(file, section)) => {
+            let placement: Placement = match &section {
+                Some(section) => {
+                    let placement = read_placement(section);
+                    section.finish();
+                    placement?
+                }
+                None => (None, None),
+            };
+            let mut target = included(root, includes, "target", &file, read_target)?;
+            if let Some([x, y]) = placement.0 {
+                target.origin[0] = x;
+                target.origin[1] = y;
+            }
+            if let Some(heading) = placement.1 {
+                target.origin[2] = heading;
+            }
+            Some(Some(target))
+        }
+    }
+}
+
+/// `Some(None)`: the rig has none. `None`: reported.
+pub(super) fn read_rig_board(root: &Section<'_>, includes: &Includes) -> Option<Option<Board>> {
+    match source(root, "board")? {
+        None => Some(None),
+        Some(Source::Inline(section)) => read_board(&section).map(Some),
+        Some(Source::File(file, section)) => {
+            if let Some(section) = &section {
+                section.finish();
+            }
+            included(root, includes, "board", &file, read_board).map(Some)
+        }
+    }
 }

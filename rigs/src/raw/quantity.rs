@@ -13,7 +13,7 @@ pub(crate) struct Quantity {
 }
 
 /// `min <= value <= max`, in `unit` (empty for a pure number).
-pub(crate) const fn number(min: f64, max: f64, unit: &'static str) -> Quantity {
+pub(crate) const fn quantity(min: f64, max: f64, unit: &'static str) -> Quantity {
     Quantity {
         min,
         max,

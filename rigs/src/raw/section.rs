@@ -1,12 +1,17 @@
 //! One table of a file, read key by key.
 
+mod numbers;
+mod words;
+
+pub(crate) use words::is_name;
+
 use std::cell::RefCell;
 use std::ops::Range;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Document, Problems, Quantity};
+use super::{Document, Problems};
 use crate::error::{ProblemKind, nearest};
 
 /// Keys of a free-form table (effect parameters, thrust per thruster).
@@ -34,7 +39,6 @@ pub(crate) struct Section<'d> {
 }
 
 impl<'d> Section<'d> {
-    /// The keys before all tables.
     pub(crate) fn root(
         document: &'d Document<'d>,
         table: &'d DeTable<'d>,
@@ -51,7 +55,6 @@ impl<'d> Section<'d> {
         }
     }
 
-    /// A table below; `None` = all its keys are left out.
     fn child(
         &self,
         path: String,
@@ -59,17 +62,18 @@ impl<'d> Section<'d> {
         table: Option<&'d DeTable<'d>>,
     ) -> Self {
         Section {
+            document: self.document,
+            problems: self.problems,
             path,
             span,
             table,
-            silent: self.silent,
+            silent: false,
             known: RefCell::default(),
-            ..*self
         }
     }
 
     /// The file's name.
-    pub(crate) fn file(&self) -> &'d str {
+    pub(super) fn file(&self) -> &'d str {
         self.document.file
     }
 
@@ -89,13 +93,8 @@ impl<'d> Section<'d> {
         }
     }
 
-    /// `key` of this table, or of one below it: `table.key`, `list[2].key`.
     fn lookup(&self, key: &str) -> Option<Item<'d>> {
-        let table = self.table?;
-        let value = match table.get(key) {
-            Some(value) => value,
-            None => below(table, key)?,
-        };
+        let value = self.table?.get(key)?;
         Some(Item {
             path: self.path_of(key),
             span: value.span(),
@@ -111,6 +110,7 @@ impl<'d> Section<'d> {
                 known.push(key.to_owned());
             }
         }
+        self.asks(key);
         self.lookup(key)
     }
 
@@ -146,13 +146,10 @@ impl<'d> Section<'d> {
             .collect()
     }
 
-    fn push(&self, span: Option<&Range<usize>>, path: String, kind: ProblemKind) {
-        let line = span.map(|s| self.document.line(s.start));
-        self.problems.push(self.document.file, line, path, kind);
-    }
-
     pub(crate) fn report(&self, item: &Item<'_>, kind: ProblemKind) {
-        self.push(Some(&item.span), item.path.clone(), kind);
+        let line = self.document.line(item.span.start);
+        self.problems
+            .push(self.document.file, Some(line), item.path.clone(), kind);
     }
 
     /// Reports a broken rule at `key` (empty: the table itself).
@@ -160,29 +157,44 @@ impl<'d> Section<'d> {
         if self.silent {
             return;
         }
-        let item = self.lookup(key);
-        let span = item.as_ref().map(|item| &item.span).or(self.span.as_ref());
-        let (what, next) = (what.into(), next.into());
-        self.push(span, self.path_of(key), ProblemKind::Rule { what, next });
-    }
-
-    /// Reports a broken rule at an item in hand.
-    pub(crate) fn rule_at(&self, item: &Item<'_>, what: String, next: &str) {
-        let next = next.to_owned();
-        self.report(item, ProblemKind::Rule { what, next });
+        let span = self
+            .lookup(key)
+            .map(|item| item.span)
+            .or_else(|| self.span.clone());
+        self.problems.push(
+            self.document.file,
+            span.map(|s| self.document.line(s.start)),
+            self.path_of(key),
+            ProblemKind::Rule {
+                what: what.into(),
+                next: next.into(),
+            },
+        );
     }
 
     pub(crate) fn missing(&self, key: &str, expected: impl Into<String>) {
-        if !self.silent {
-            let expected = expected.into();
-            let kind = ProblemKind::Missing { expected };
-            self.push(self.span.as_ref(), self.path_of(key), kind);
+        if self.silent {
+            return;
         }
+        let line = self.span.as_ref().map(|s| self.document.line(s.start));
+        self.problems.push(
+            self.document.file,
+            line,
+            self.path_of(key),
+            ProblemKind::Missing {
+                expected: expected.into(),
+            },
+        );
     }
 
     pub(crate) fn wrong_type(&self, item: &Item<'_>, expected: impl Into<String>) {
-        let (typed, expected) = (self.typed(item), expected.into());
-        self.report(item, ProblemKind::WrongType { typed, expected });
+        self.report(
+            item,
+            ProblemKind::WrongType {
+                typed: self.typed(item),
+                expected: expected.into(),
+            },
+        );
     }
 
     pub(crate) fn typed(&self, item: &Item<'_>) -> String {
@@ -214,15 +226,21 @@ impl<'d> Section<'d> {
 
     /// A table that may be omitted (all its keys then take their defaults).
     pub(crate) fn table_or_default(&self, key: &str) -> Section<'d> {
-        let Some(item) = self.item(key) else {
-            return self.child(self.path_of(key), self.span.clone(), None);
+        self.asks_for(key, "table", "");
+        let mut section = match self.item(key) {
+            Some(item) => match item.value.as_table() {
+                Some(table) => self.child(item.path, Some(item.span), Some(table)),
+                None => {
+                    self.wrong_type(&item, format!("a table [{}]", self.path_of(key)));
+                    let mut section = self.child(item.path, None, None);
+                    section.silent = true;
+                    section
+                }
+            },
+            None => self.child(self.path_of(key), self.span.clone(), None),
         };
-        self.section_of(&item).unwrap_or_else(|| {
-            self.wrong_type(&item, format!("a table [{}]", self.path_of(key)));
-            let mut section = self.child(item.path, None, None);
-            section.silent = true;
-            section
-        })
+        section.silent |= self.silent;
+        section
     }
 
     /// A table that must be there; reported once when it is not.
@@ -237,6 +255,7 @@ impl<'d> Section<'d> {
 
     /// The entries of `[[key]]`, at most `most` of them.
     pub(crate) fn tables(&self, key: &str, most: usize) -> Vec<Section<'d>> {
+        self.asks_for(key, "table", "");
         let Some(item) = self.item(key) else {
             return Vec::new();
         };
@@ -245,18 +264,23 @@ impl<'d> Section<'d> {
             return Vec::new();
         };
         if elements.len() > most {
-            let next = format!("At most {most} are allowed: leave the others out");
-            self.rule_at(&item, format!("{} entries", elements.len()), &next);
+            self.report(
+                &item,
+                ProblemKind::Rule {
+                    what: format!("{} entries", elements.len()),
+                    next: format!("At most {most} are allowed: leave the others out"),
+                },
+            );
         }
         elements
             .into_iter()
             .take(most)
-            .filter_map(|element| {
-                let section = self.section_of(&element);
-                if section.is_none() {
+            .filter_map(|element| match element.value.as_table() {
+                Some(table) => Some(self.child(element.path, Some(element.span), Some(table))),
+                None => {
                     self.wrong_type(&element, &*expected);
+                    None
                 }
-                section
             })
             .collect()
     }
@@ -265,47 +289,6 @@ impl<'d> Section<'d> {
     pub(crate) fn section_of(&self, item: &Item<'d>) -> Option<Section<'d>> {
         let table = item.value.as_table()?;
         Some(self.child(item.path.clone(), Some(item.span.clone()), Some(table)))
-    }
-
-    /// A number within its range.
-    pub(crate) fn number_of(&self, item: &Item<'_>, allowed: &Quantity) -> Option<f64> {
-        let Some(value) = as_f64(item.value) else {
-            self.wrong_type(item, allowed.to_string());
-            return None;
-        };
-        if allowed.contains(value) {
-            // TOML knows -0.0; nothing here means anything by its sign.
-            return Some(value + 0.0);
-        }
-        self.report(
-            item,
-            ProblemKind::OutOfRange {
-                typed: self.typed(item),
-                allowed: allowed.to_string(),
-                hint: allowed.advice(),
-            },
-        );
-        None
-    }
-
-    /// `N` numbers in the same range.
-    pub(crate) fn numbers_of<const N: usize>(
-        &self,
-        item: &Item<'d>,
-        allowed: &Quantity,
-    ) -> Option<[f64; N]> {
-        let expected = format!("a list of {N} numbers, each {allowed}");
-        let elements = self.elements(item, &expected)?;
-        if elements.len() != N {
-            self.wrong_type(item, expected);
-            return None;
-        }
-        let values: Vec<Option<f64>> = elements
-            .iter()
-            .map(|element| self.number_of(element, allowed))
-            .collect();
-        let values: Vec<f64> = values.into_iter().collect::<Option<_>>()?;
-        values.try_into().ok()
     }
 
     /// Reports every key that nobody asked for.
@@ -319,45 +302,16 @@ impl<'d> Section<'d> {
             .collect();
         unknown.sort_unstable();
         for (offset, key) in unknown {
-            let kind = ProblemKind::UnknownKey {
-                suggestion: nearest(key, known.iter().map(String::as_str)),
-                allowed: known.clone(),
-            };
-            let path = self.path_of(&key.chars().take(80).collect::<String>());
-            self.push(Some(&(offset..offset)), path, kind);
+            let allowed: Vec<String> = known.clone();
+            self.problems.push(
+                self.document.file,
+                Some(self.document.line(offset)),
+                self.path_of(&key.chars().take(80).collect::<String>()),
+                ProblemKind::UnknownKey {
+                    suggestion: nearest(key, known.iter().map(String::as_str)),
+                    allowed,
+                },
+            );
         }
-    }
-}
-
-/// The value at a path of names and places in lists.
-fn below<'d>(table: &'d DeTable<'d>, path: &str) -> Option<&'d Spanned<DeValue<'d>>> {
-    let (above, last) = path.rsplit_once('.')?;
-    let (name, place) = match above.strip_suffix(']').and_then(|a| a.split_once('[')) {
-        Some((name, place)) => (name, Some(place.parse::<usize>().ok()?)),
-        None => (above, None),
-    };
-    let value = match table.get(name) {
-        Some(value) => value,
-        None => below(table, name)?,
-    };
-    let value = match place {
-        Some(place) => value.get_ref().as_array()?.get(place)?,
-        None => value,
-    };
-    value.get_ref().as_table()?.get(last)
-}
-
-/// A whole number of any notation.
-pub(crate) fn as_i64(value: &DeValue<'_>) -> Option<i64> {
-    let integer = value.as_integer()?;
-    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
-}
-
-fn as_f64(value: &DeValue<'_>) -> Option<f64> {
-    match value {
-        DeValue::Float(float) => float.as_str().parse().ok(),
-        DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
-        DeValue::Integer(_) => as_i64(value).map(|i| i as f64),
-        _ => None,
     }
 }

@@ -74,7 +74,7 @@ pub(super) fn changed(from: &str, to: &str) -> RigError {
     Rig::from_toml(&text.replacen(from, to, 1), "my.toml", None).expect_err(to)
 }
 
-pub(crate) fn tells(error: &RigError, words: &[&str]) {
+pub(super) fn tells(error: &RigError, words: &[&str]) {
     let message = error.to_string();
     for word in words {
         assert!(message.contains(word), "no {word:?} in:\n{message}");

@@ -37,7 +37,7 @@ impl<T: Real> Law<T> for Coupling {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
     use hydroline_rigs::VehicleModel;
 
     #[test]

@@ -45,7 +45,7 @@ impl<T: Real> Law<T> for Loss<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn speed_takes_thrust_either_way() {

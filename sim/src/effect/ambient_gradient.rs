@@ -48,7 +48,7 @@ impl<T: Real> Law<T> for Gradient<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_background_rises_across_and_down_and_never_below_what_it_was() {

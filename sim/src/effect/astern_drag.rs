@@ -46,7 +46,7 @@ impl<T: Real> Law<T> for Astern<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn only_astern_drag_grows() {

@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for Attenuation<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn light_falls_with_the_whole_way() {

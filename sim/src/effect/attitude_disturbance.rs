@@ -66,7 +66,7 @@ impl<T: Real> Law<T> for Disturbance<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_camera_looks_from_the_oscillating_pose() {

@@ -58,7 +58,7 @@ impl<T: Real> Law<T> for Haze<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// The glow of a column is fraction peak length, in metres on the floor, all of it on the far side.
     #[test]

@@ -53,7 +53,7 @@ impl<T: Real> Law<T> for Sag<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_load_decays_exponentially_with_what_was_drawn() {

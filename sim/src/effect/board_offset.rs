@@ -37,7 +37,7 @@ impl<T: Real> Law<T> for Offset<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// 1 mm of offset reads as 0.5 .. 1.6 mm in eta (theory/physics.md, measurement): here by the rig's own map.
     #[test]

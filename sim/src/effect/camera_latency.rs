@@ -44,7 +44,7 @@ impl<T: Real> Law<T> for CameraLatency<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_reported_pose_is_that_of_before() {

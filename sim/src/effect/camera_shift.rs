@@ -62,7 +62,7 @@ impl<T: Real> Law<T> for Shift<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_stripe_is_seen_from_the_new_place() {

@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for ClockDrift<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn a_fast_clock_stamps_late() {

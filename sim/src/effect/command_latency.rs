@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for CommandLatency<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_motion_is_that_of_commands_given_later() {

@@ -51,7 +51,7 @@ impl<T: Real> Law<T> for Constant<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn it_accelerates_without_a_command() {

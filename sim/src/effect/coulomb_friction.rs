@@ -54,7 +54,7 @@ impl<T: Real> Law<T> for Coulomb<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// Coasting: sinh(u / s) = sinh(u0 / s) exp(-f t / (M s)).
     #[test]

@@ -66,7 +66,7 @@ impl<T: Real> Law<T> for CrossFlow<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_words_say_which() {

@@ -44,7 +44,7 @@ impl<T: Real> Law<T> for Cubic<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// Coasting: M u' = -d3 u^3: u = u0 / sqrt(1 + 2 d3 u0^2 t / M).
     #[test]

@@ -4,7 +4,18 @@ use super::{EffectInfo, Law, Moment, ParameterInfo, Stage, Values};
 use crate::real::Real;
 
 const fn component(name: &'static str, meaning: &'static str) -> ParameterInfo {
-    ParameterInfo::new(name, "m/s", meaning, (-0.02, 0.02), (-2.0, 2.0), 0.005).or(0.0)
+    ParameterInfo {
+        name,
+        unit: "m/s",
+        meaning,
+        plausible: (-0.02, 0.02),
+        limits: (-2.0, 2.0),
+        typical: 0.005,
+        absent: Some(0.0),
+        bounds_load: false,
+        corner: false,
+        held: false,
+    }
 }
 
 pub(super) const INFO: EffectInfo = EffectInfo {

@@ -98,7 +98,7 @@ impl<T: Real> Law<T> for Fin<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
     use crate::given::{Curve, Given};
     use crate::model::{Model, ModelState};
     use crate::vehicle::Hydrodynamics;

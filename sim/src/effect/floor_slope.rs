@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for Slope<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_floor_comes_up_ahead() {

@@ -73,7 +73,7 @@ impl<T: Real> Law<T> for Memory<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// Without drag M u' = X + g z and z' = -z/tau - u': z = -X tau_e / M (1 - exp(-t/tau_e)),
     /// 1/tau_e = 1/tau + g/M.

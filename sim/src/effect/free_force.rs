@@ -119,7 +119,7 @@ impl<T: Real> Law<T> for Free<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn it_is_its_table_at_the_covariate() {

@@ -42,7 +42,7 @@ impl<T: Real> Law<T> for Saturation<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn nothing_is_brighter_than_the_level() {

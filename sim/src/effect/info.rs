@@ -46,6 +46,9 @@ pub struct ParameterInfo {
     pub absent: Option<f64>,
     /// A limit on the load: does nothing above the largest load, not at 0.
     pub bounds_load: bool,
+    /// A load at which the law has a corner. A DOF driven by several thrusters has one corner for each of them:
+    /// the mean of the law over these loads.
+    pub corner: bool,
     /// Says with another number the same thing twice: a fit leaves it at what it is when absent.
     pub held: bool,
 }
@@ -69,6 +72,7 @@ impl ParameterInfo {
             typical,
             absent: None,
             bounds_load: false,
+            corner: false,
             held: false,
         }
     }
@@ -77,6 +81,14 @@ impl ParameterInfo {
     pub(super) const fn limit(self) -> Self {
         ParameterInfo {
             bounds_load: true,
+            ..self
+        }
+    }
+
+    /// The same, as a load at which the law has a corner.
+    pub(super) const fn corner(self) -> Self {
+        ParameterInfo {
+            corner: true,
             ..self
         }
     }

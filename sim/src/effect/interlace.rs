@@ -41,7 +41,7 @@ impl<T: Real> Law<T> for Interlace<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn odd_rows_are_a_field_later() {

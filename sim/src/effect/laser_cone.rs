@@ -54,7 +54,7 @@ impl<T: Real> Law<T> for Cone<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// Every ray of the fan by Snell's law at the port: the refracted sheet passes through it.
     #[test]

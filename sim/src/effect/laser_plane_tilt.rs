@@ -56,7 +56,7 @@ impl<T: Real> Law<T> for Tilt<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_stripe_lies_on_the_tilted_sheet() {

@@ -50,7 +50,7 @@ impl<T: Real> Law<T> for Distortion<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// The stripe's middle lies on the axis' column, where p2 and x vanish.
     #[test]

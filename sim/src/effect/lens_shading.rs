@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for Shading<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn corners_are_darker_for_every_light() {

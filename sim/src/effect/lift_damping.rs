@@ -50,7 +50,7 @@ impl<T: Real> Law<T> for Lift<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn it_needs_way_ahead() {

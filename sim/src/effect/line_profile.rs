@@ -55,7 +55,7 @@ impl<T: Real> Law<T> for Profile<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// A level vehicle: the angle of a column's stripe follows from the camera's similar triangles.
     #[test]

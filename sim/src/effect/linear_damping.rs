@@ -52,7 +52,7 @@ impl<T: Real> Law<T> for Linear<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// M u' = X - c u: u = X/c (1 - exp(-c t / M)).
     #[test]

@@ -69,7 +69,7 @@ impl<T: Real> Law<T> for Banding<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     fn banded(mains_hz: f64, frame: u64) -> Vec<u8> {
         let lamp = [

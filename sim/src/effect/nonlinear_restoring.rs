@@ -49,7 +49,7 @@ impl<T: Real> Law<T> for Restoring<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn a_positive_one_stiffens() {

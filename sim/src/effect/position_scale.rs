@@ -38,7 +38,7 @@ impl<T: Real> Law<T> for PositionScale<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn positions_scale_and_angles_do_not() {

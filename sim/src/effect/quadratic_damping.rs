@@ -50,7 +50,7 @@ impl<T: Real> Law<T> for Quadratic<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// M u' = X - c u^2: u = sqrt(X/c) tanh(sqrt(X c) t / M).
     #[test]

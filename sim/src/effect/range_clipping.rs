@@ -63,7 +63,7 @@ impl<T: Real> Law<T> for Range<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn levels_outside_are_pushed_to_the_ends_or_all_are_squeezed() {

@@ -53,7 +53,7 @@ impl<T: Real> Law<T> for Refraction<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// A paraxial ray meets the plane at distance Z at d tan + (Z - d) tan / n, by Snell's law exactly.
     #[test]

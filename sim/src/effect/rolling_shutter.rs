@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for RollingShutter<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn a_lower_row_is_later() {

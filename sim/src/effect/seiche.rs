@@ -86,7 +86,7 @@ impl<T: Real> Law<T> for Seiche<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     const SEICHE: [(&str, f64); 3] = [("amp_mps", 0.01), ("period_s", 4.0), ("phase_rad", 0.3)];
 

@@ -53,7 +53,7 @@ impl<T: Real> Law<T> for Speckle<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_stripe_scatters_by_the_contrast_and_keeps_its_mean() {

@@ -14,9 +14,13 @@ struct Member<T: Real> {
     law: Box<dyn Law<T>>,
     /// Where one of its numbers depends on a covariate.
     state_dependent: Option<StateDependent<T>>,
+    /// Its index among the effects given.
+    given: usize,
     /// Its slice of the own states.
     first: usize,
     last: usize,
+    /// How many members from here on act side by side; 0 for those behind the first of them.
+    beside: usize,
 }
 
 /// An effect one number of which depends on where the motion is: its law is made anew wherever it is asked.
@@ -72,6 +76,20 @@ pub struct EffectStack<T: Real = f64> {
     notes: Vec<String>,
 }
 
+/// An effect's law with these numbers.
+fn law<T: Real>(effect: &CheckedEffect, numbers: &[T]) -> Result<Box<dyn Law<T>>, EffectError> {
+    let values = Values {
+        info: effect.info,
+        numbers,
+        words: &effect.words,
+    };
+    registry::law(&values).ok_or_else(|| EffectError::UnknownEffect {
+        effect: effect.info.id.to_owned(),
+        nearest: None,
+        known: registry::ALL.iter().map(|i| i.id).collect(),
+    })
+}
+
 impl EffectStack<f64> {
     /// Checks the rig's `[[physics]]` entries and builds their laws.
     ///
@@ -122,22 +140,15 @@ impl<T: Real> EffectStack<T> {
                     .collect(),
                 numbers: numbers.clone(),
             });
-            let values = Values {
-                info: effect.info,
-                numbers: &numbers,
-                words: &effect.words,
-            };
-            let law = registry::law(&values).ok_or_else(|| EffectError::UnknownEffect {
-                effect: effect.info.id.to_owned(),
-                nearest: None,
-                known: registry::ALL.iter().map(|i| i.id).collect(),
-            })?;
+            let law = law(effect, &numbers)?;
             members.push(Member {
                 info: effect.info,
                 law,
                 state_dependent,
+                given: e,
                 first: 0,
                 last: 0,
+                beside: 1,
             });
         }
         members.sort_by_key(|m| (m.info.stage, m.info.order));
@@ -164,6 +175,40 @@ impl<T: Real> EffectStack<T> {
             busy,
             notes,
         })
+    }
+
+    /// Lets copies of an effect among those given from index `from` on stand for thrusters side by side, each with its
+    /// share of the load: the mean of their laws, where one behind the other would be another single one.
+    pub fn side_by_side(&mut self, from: usize) {
+        let corner =
+            |m: &Member<T>| m.given >= from && m.info.parameters.first().is_some_and(|p| p.corner);
+        let mut k = 0;
+        while k < self.members.len() {
+            let id = self.members[k].info.id;
+            let same = |m: &&Member<T>| m.info.id == id && corner(m);
+            let count = self.members[k..].iter().take_while(same).count().max(1);
+            self.members[k].beside = count;
+            self.members[k + 1..k + count]
+                .iter_mut()
+                .for_each(|m| m.beside = 0);
+            k += count;
+        }
+    }
+
+    /// Gives one effect (its index among those the stack was built of) other numbers.
+    ///
+    /// # Errors
+    /// [`EffectError::UnknownEffect`].
+    pub fn replace(
+        &mut self,
+        given: usize,
+        effect: &CheckedEffect,
+        numbers: &[T],
+    ) -> Result<(), EffectError> {
+        if let Some(member) = self.members.iter_mut().find(|m| m.given == given) {
+            member.law = law(effect, numbers)?;
+        }
+        Ok(())
     }
 
     /// What is unusual about the parameters, one line each.
@@ -229,10 +274,27 @@ impl<T: Real> EffectStack<T> {
     }
 
     pub(crate) fn thrust(&self, m: &Moment<'_, T>, wrench: &mut [T; 6], own: &[T], rate: &mut [T]) {
-        for e in self.stage(Stage::Thruster) {
-            e.here(m, |law| {
-                law.thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
-            });
+        for (k, e) in self.members.iter().enumerate() {
+            if e.info.stage != Stage::Thruster || e.beside == 0 {
+                continue;
+            }
+            if e.beside == 1 {
+                e.here(m, |law| {
+                    law.thrust(m, wrench, &own[e.first..e.last], &mut rate[e.first..e.last]);
+                });
+                continue;
+            }
+            let (given, share) = (*wrench, 1.0 / e.beside as f64);
+            *wrench = [T::zero(); 6];
+            for one in &self.members[k..k + e.beside] {
+                let mut made = given;
+                let states = one.first..one.last;
+                one.law
+                    .thrust(m, &mut made, &own[states.clone()], &mut rate[states]);
+                for (sum, x) in wrench.iter_mut().zip(made) {
+                    *sum = *sum + x * share;
+                }
+            }
         }
     }
 

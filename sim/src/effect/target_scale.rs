@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for TargetScale<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// Over the middle of the first hexagon it is 2 sides wide.
     #[test]

@@ -1,14 +1,13 @@
+use super::testing::*;
 use super::*;
 use crate::Real;
 use crate::fixture::lshpi_rig;
 use crate::model::{Model, ModelState};
 use crate::trajectory::Trajectory;
 use crate::vehicle::Hydrodynamics;
-use fixtures::*;
 use hydroline_rigs::PhysicsEntry;
 use proptest::prelude::*;
 
-pub(in crate::effect) mod fixtures;
 mod registry;
 
 #[test]
@@ -143,6 +142,52 @@ fn terminal_velocity_in_a_current_is_shifted_by_it() {
     let u_r = (-20.0 + (400.0f64 + 4.0 * 200.0 * 8.0).sqrt()) / 400.0;
     let u = r.state_at(300.0).unwrap().vehicle.nu[0];
     assert!((u - u_r - 0.01).abs() < 1e-12, "{u} against {}", u_r + 0.01);
+}
+
+#[test]
+fn thrusters_side_by_side_give_the_mean_of_their_laws() {
+    let of = |width_n| entry("thruster_deadband", &[("width_n", width_n)]);
+    let entries = [
+        entry("thrust_asymmetry", &[("reverse_gain", 0.5)]),
+        of(0.2),
+        of(0.6),
+    ];
+    // A rig file holds each effect once.
+    assert!(EffectStack::build(&entries).is_err());
+    let each = |e: &PhysicsEntry| check(std::slice::from_ref(e)).unwrap().remove(0);
+    let checked: Vec<CheckedEffect> = entries.iter().map(each).collect();
+    let pushed = |load_n: f64, beside: bool| {
+        let mut stack = EffectStack::assemble(&checked, |_, _, v| v).unwrap();
+        if beside {
+            stack.side_by_side(1);
+        }
+        let model = Model {
+            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
+            effects: stack,
+        };
+        let mut r = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
+        r.command(0.0, surge(load_n)).unwrap();
+        r.state_at(0.01).unwrap().vehicle.nu[0]
+    };
+    let free = {
+        let model = Model {
+            hydrodynamics: Hydrodynamics::new(&lshpi_rig().vehicle),
+            effects: EffectStack::empty(),
+        };
+        let mut r = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
+        r.command(0.0, surge(1.0)).unwrap();
+        r.state_at(0.01).unwrap().vehicle.nu[0]
+    };
+    // Loads so small that nothing but inertia counts.
+    for (load_n, row_n, beside_n) in [
+        (0.1, 0.0, 0.0),
+        (0.4, 0.0, 0.1),
+        (1.0, 0.2, 0.6),
+        (-1.0, -0.1, -0.3),
+    ] {
+        assert!((pushed(load_n, false) / free - row_n).abs() < 1e-3);
+        assert!((pushed(load_n, true) / free - beside_n).abs() < 1e-3);
+    }
 }
 
 #[test]

@@ -54,7 +54,7 @@ impl<T: Real> Law<T> for Tether<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     const TETHER: [(&str, f64); 2] = [("stiffness_npm", 0.8), ("slack_m", 0.2)];
 

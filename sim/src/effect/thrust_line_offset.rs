@@ -47,7 +47,7 @@ impl<T: Real> Law<T> for Offset<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn thrust_pitches_and_yaws() {

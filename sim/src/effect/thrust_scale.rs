@@ -43,7 +43,7 @@ impl<T: Real> Law<T> for Scale<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     /// 5 % of thrust is 5 % of mass and damping: the same motion to rounding.
     #[test]

@@ -17,7 +17,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         (0.0, 1e4),
         6.0,
     )
-    .limit()],
+    .limit()
+    .corner()],
     words: &[DOF],
     confusable: &[
         "constant_force",
@@ -49,7 +50,7 @@ impl<T: Real> Law<T> for Saturation<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn the_load_is_cut_on_both_sides() {

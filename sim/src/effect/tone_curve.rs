@@ -36,7 +36,7 @@ impl<T: Real> Law<T> for Curve<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     #[test]
     fn levels_are_a_power_of_the_light() {

@@ -160,7 +160,7 @@ pub(super) fn keys(info: &EffectInfo, trend: &Trend) -> Vec<(String, ParameterVa
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
     use crate::effect::{CheckedEffect, Trend, check, find};
     use hydroline_rigs::ParameterValue;
 

@@ -84,7 +84,7 @@ impl<T: Real> Law<T> for Wall<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
 
     const WALL: [(&str, f64); 3] = [("gain", 0.2), ("wall_x_m", 0.5), ("length_m", 0.15)];
 

@@ -156,7 +156,7 @@ impl<T: Real> Law<T> for Written<T> {
 
 #[cfg(test)]
 mod tests {
-    use crate::effect::tests::fixtures::*;
+    use crate::effect::testing::*;
     use crate::effect::{EffectError, check};
 
     #[test]

@@ -58,7 +58,7 @@ fn sheet(k: usize) -> RunSheet {
             rig: -20.0,
         }
     };
-    let channels = hydroline_core::run::Channel::ALL.map(|c| c.name());
+    let channels = hydroline_identify::data::CHANNELS;
     RunSheet {
         sound: true,
         findings: Vec::new(),

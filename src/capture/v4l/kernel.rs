@@ -57,6 +57,9 @@ fn text(bytes: &[u8]) -> String {
 
 impl KernelDevice {
     /// Opens the node, non-blocking, closed on exec.
+    ///
+    /// # Errors
+    /// open(2)'s.
     pub fn open(node: &Path) -> Result<Self, Errno> {
         // `v4l2::open` unwraps a NUL inside the path.
         if node.as_os_str().as_encoded_bytes().contains(&0) {

@@ -1,7 +1,6 @@
 //! Frame memory that comes back: a frame's bytes return here when its last clone is dropped.
 
-use hydroline_core::lock::Lock;
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use bytes::Bytes;
 
@@ -31,7 +30,7 @@ impl Drop for Block {
         let Some(home) = self.home.upgrade() else {
             return;
         };
-        let mut shelf = home.0.held();
+        let mut shelf = home.0.lock().unwrap_or_else(PoisonError::into_inner);
         if shelf.len() < MOST {
             let mut data = std::mem::take(&mut self.data);
             data.clear();
@@ -43,7 +42,13 @@ impl Drop for Block {
 impl Pool {
     /// Bytes that `fill` wrote into a block of the shelf (empty when handed over).
     pub fn bytes(&self, fill: impl FnOnce(&mut Vec<u8>)) -> Bytes {
-        let mut data = self.0.0.held().pop().unwrap_or_default();
+        let mut data = self
+            .0
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .pop()
+            .unwrap_or_default();
         fill(&mut data);
         Bytes::from_owner(Block {
             data,
@@ -53,7 +58,11 @@ impl Pool {
 
     /// Blocks on the shelf.
     pub fn shelved(&self) -> usize {
-        self.0.0.held().len()
+        self.0
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .len()
     }
 }
 

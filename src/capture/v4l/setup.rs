@@ -226,6 +226,9 @@ fn set_format(
 }
 
 /// A channel is computed over the levels that the rig names; where it names none, the driver must mean the standard ones.
+///
+/// # Errors
+/// [`CaptureError::YuvRange`].
 pub fn check_range(node: &Path, camera: &Camera, format: &PixFormat) -> Result<(), CaptureError> {
     let said = match format.full_range {
         true => YuvRange::Full,

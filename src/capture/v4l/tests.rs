@@ -6,11 +6,9 @@ use hydroline_rigs::{CameraControl, ImageNoise, PixelFormat, YuvRange};
 use proptest::prelude::*;
 
 use super::device::PixFormat;
+use super::fake_kernel::*;
 use super::*;
-use fake_kernel::*;
 use hydroline_core::clock::ManualClock;
-
-mod fake_kernel;
 
 fn rig_camera() -> Camera {
     let control = |name: &str, value| CameraControl {

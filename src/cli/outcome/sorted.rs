@@ -2,6 +2,7 @@
 //!
 //! The rule: an error that could have been known from the arguments and files alone, before any work, is theirs.
 
+use hydroline_benchmark::ProveError;
 use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
 use hydroline_calib::flat::FlatError;
@@ -19,11 +20,10 @@ use hydroline_identify::predict::PredictError;
 use hydroline_identify::predict::residuals::NotBeside;
 use hydroline_import::join::JoinError;
 use hydroline_import::{ImportError, MapError};
-#[cfg(feature = "lab")]
-use hydroline_lab::{benchmark::ProveError, reproduce::ReproduceError};
 use hydroline_live::LiveError;
 use hydroline_log::{ImageTopicError, LogError};
 use hydroline_plan::preflight::PreflightError;
+use hydroline_reproduce::ReproduceError;
 use hydroline_rigs::RigError;
 use hydroline_sim::{EffectError, SceneError, SimError, ThrustError};
 use hydroline_thruster::controller::PtyError;
@@ -172,6 +172,12 @@ impl Sorted for LiveError {
     }
 }
 
+impl Sorted for ServiceError {
+    fn is_input(&self) -> bool {
+        matches!(self, Self::TooSlow { .. } | Self::Channels { .. })
+    }
+}
+
 impl Sorted for SimulateError {
     fn is_input(&self) -> bool {
         match self {
@@ -190,6 +196,13 @@ impl Sorted for SimError {
             // Numbers that each are allowed and together run away: known only from the run.
             Self::Trajectory(_) => false,
         }
+    }
+}
+
+impl Sorted for PreflightError {
+    fn is_input(&self) -> bool {
+        // The plan is held against the rig: whatever is wrong is wrong with one of them.
+        true
     }
 }
 
@@ -224,19 +237,17 @@ impl Sorted for PredictError {
     }
 }
 
+impl Sorted for NotBeside {
+    fn is_input(&self) -> bool {
+        true
+    }
+}
+
 impl Sorted for DiagnoseError {
     fn is_input(&self) -> bool {
         match self {
             Self::NothingMoves(_) | Self::Effect(_) => true,
-            Self::Images(error) => error.is_input(),
             Self::NoFit { .. } => false,
-        }
-    }
-
-    fn next_step(&self) -> Option<&'static str> {
-        match self {
-            Self::Images(error) => error.next_step(),
-            _ => None,
         }
     }
 }
@@ -287,45 +298,56 @@ impl Sorted for JoinError {
     }
 }
 
-/// Errors that a closure sorts.
+impl Sorted for ProveError {
+    fn is_input(&self) -> bool {
+        matches!(self, Self::UnknownCase { .. } | Self::Kept { .. })
+    }
+}
+
+impl Sorted for CalibError {
+    fn is_input(&self) -> bool {
+        !matches!(self, Self::Unwritable { .. })
+    }
+}
+
+impl Sorted for FlatError {
+    fn is_input(&self) -> bool {
+        matches!(
+            self,
+            Self::FewExposures { .. } | Self::FewFrames { .. } | Self::Size { .. }
+        )
+    }
+}
+
+impl Sorted for ReproduceError {
+    fn is_input(&self) -> bool {
+        // The rigs are built in; what can be misnamed is the target.
+        matches!(self, Self::Rig(_))
+    }
+}
+
+/// All of an error's variants are the doing of what was given, or none.
 macro_rules! sorted {
-    ($($error:ty: $is_input:expr),* $(,)?) => {
+    ($($error:ty: $is_input:literal),* $(,)?) => {
         $(impl Sorted for $error {
             fn is_input(&self) -> bool {
-                let is_input: fn(&Self) -> bool = $is_input;
-                is_input(self)
+                $is_input
             }
         })*
     };
 }
 
 sorted! {
-    RigError: |_| true,
-    UseError: |_| true,
-    MapError: |_| true,
-    EffectError: |_| true,
-    SceneError: |_| true,
-    ThrustError: |_| true,
-    NotBeside: |_| true,
-    // The plan is held against the rig: whatever is wrong is wrong with one of them.
-    PreflightError: |_| true,
+    RigError: true,
+    UseError: true,
+    MapError: true,
+    EffectError: true,
+    SceneError: true,
+    ThrustError: true,
     // The rig was checked already: a camera that is not there or does not do as asked is found by the run.
-    CaptureError: |_| false,
-    FrameError: |_| false,
-    hydroline_calib::map::MapError: |_| false,
-    PtyError: |_| false,
-    serde_json::Error: |_| false,
-    CalibError: |e| !matches!(e, CalibError::Unwritable { .. }),
-    ServiceError: |e| matches!(e, ServiceError::TooSlow { .. } | ServiceError::Channels { .. }),
-    FlatError: |e| matches!(
-        e,
-        FlatError::FewExposures { .. } | FlatError::FewFrames { .. } | FlatError::Size { .. }
-    ),
-}
-
-#[cfg(feature = "lab")]
-sorted! {
-    ProveError: |e| matches!(e, ProveError::UnknownCase { .. } | ProveError::Kept { .. }),
-    // The rigs are built in; what can be misnamed is the target.
-    ReproduceError: |e| matches!(e, ReproduceError::Rig(_)),
+    CaptureError: false,
+    FrameError: false,
+    hydroline_calib::map::MapError: false,
+    PtyError: false,
+    serde_json::Error: false,
 }

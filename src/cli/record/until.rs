@@ -47,7 +47,7 @@ fn poses(log: &Path, rig: &Rig, build: BuildInfo) -> Result<Source, CliError> {
     for words in check_vehicle(&out, rig)? {
         errln!("hydroline: {words}");
     }
-    Ok(read(&out, rig)?.with_frames_of(log))
+    Ok(read(&out, rig)?)
 }
 
 /// The series as far as it is there, and the number of the next run.

@@ -13,11 +13,11 @@ use hydroline_diagnose::verdict::Verdict;
 use hydroline_identify::Identification;
 use hydroline_identify::bollard::Bollard;
 use hydroline_import::recorded::Contents;
-use hydroline_lab::reproduce as paper;
 use hydroline_log::doctor::Diagnosis;
 use hydroline_log::export::Exported;
 use hydroline_log::recover::Recovery;
 use hydroline_plan::preflight::Preflight;
+use hydroline_reproduce as paper;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 

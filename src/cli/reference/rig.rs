@@ -1,4 +1,4 @@
-//! Every key of rig and plan files, from the tables as they are declared.
+//! Every key of rig and plan files, from the readers of these files.
 
 use super::markdown::{code, head, table};
 use hydroline_rigs::reference::{Default, Key, Table, plan, rig};
@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub(super) fn chapter() -> String {
     let mut text = head(
         "Rig and plan files",
-        "the tables of these files as they are declared (`table!` in rigs/src)",
+        "the readers of these files (rigs/src/raw)",
         "Rig files are TOML. `hydroline rig new` writes one with comments to start from, `hydroline rig show` prints a rig as \
          the daemon reads it, with all defaults written out, and names every mistake with file, line and key. Unknown keys are \
          mistakes. A key's unit is its ending; an angle may be given in degrees or in radians. Frames: tank frame z down with \
@@ -52,6 +52,6 @@ fn row(key: &Key) -> [String; 6] {
         key.unit.to_owned(),
         default,
         key.allowed.clone(),
-        key.meaning.clone(),
+        key.meaning.to_owned(),
     ]
 }

@@ -1,6 +1,6 @@
 //! One line for each table: what a reader of `reproduce all` looks at first.
 
-use hydroline_lab::reproduce::{
+use hydroline_reproduce::{
     CalibrationStudy, Disturbed, DofRow, JointAccuracy, Row, SurgeRun, Table10Row, Table11Row,
 };
 

@@ -1,11 +1,8 @@
 use super::*;
+use hydroline_calib::detect::synthetic::{LaserSheet, Scene, View, render};
+use hydroline_calib::study::truth::Rig as Truth;
 use hydroline_core::event::Severity;
 use live::Live;
-use synthetic::truth::Rig as Truth;
-use synthetic::{LaserSheet, Scene, View, render};
-
-#[path = "../../../calib/tests/synthetic/mod.rs"]
-mod synthetic;
 
 /// The board of the dimension tests: 7 x 7 lines, three blocks, all in view.
 fn board() -> Board {

@@ -94,7 +94,14 @@ impl Unhurried {
 
     /// A pose of the run.
     pub fn motion(&mut self, kind: &'static str, motion: &VehicleMotion) {
-        let values = motion.channels().pose();
+        let values = [
+            motion.x_m,
+            motion.y_m,
+            motion.z_m,
+            motion.phi_rad,
+            motion.theta_rad,
+            motion.psi_rad,
+        ];
         let sd = |i: usize| motion.covariance.get(7 * i).map_or(f64::NAN, |v| v.sqrt());
         let measured = std::array::from_fn(|i| values[i].map(|value| (value, sd(i))));
         let stamp_ns = motion.timestamp.as_ref().map_or(0, unix_ns);
@@ -128,12 +135,20 @@ impl Unhurried {
         self.state.run.step = command.plan_step;
         let at_ns = command.timestamp.as_ref().map_or(0, unix_ns);
         self.predict_to(at_ns);
-        let mut thrusters = self.state.thrusters.iter();
-        let place = thrusters.position(|t| t.name == command.thruster);
+        let place = self
+            .state
+            .thrusters
+            .iter()
+            .position(|t| t.name == command.thruster);
         if let Some((prediction, place)) = self.prediction.as_mut().zip(place) {
             prediction.command(place, command.thrust_n, at_ns);
         }
-        if let Some(thruster) = place.map(|place| &mut self.state.thrusters[place]) {
+        if let Some(thruster) = self
+            .state
+            .thrusters
+            .iter_mut()
+            .find(|t| t.name == command.thruster)
+        {
             thruster.thrust_n = Some(command.thrust_n);
             thruster.pulse_us = Some(command.pulse_us);
         }

@@ -21,21 +21,26 @@ struct Judged {
 fn judged(
     what: &'static str,
     good: impl Into<Option<bool>>,
-    short: impl Into<String>,
-    long: impl Into<String>,
+    short: String,
+    long: String,
 ) -> Judged {
     Judged {
         what,
         good: good.into(),
-        short: short.into(),
-        long: long.into(),
+        short,
+        long,
     }
 }
 
 impl AimView {
     fn focus(&self) -> Judged {
         match self.sigma_px {
-            None => judged("focus", None, "focus -", "nothing to judge by"),
+            None => judged(
+                "focus",
+                None,
+                "focus -".to_owned(),
+                "nothing to judge by".to_owned(),
+            ),
             Some(sigma) if sigma > SIGMA_MAX_PX => judged(
                 "focus",
                 false,
@@ -56,7 +61,12 @@ impl AimView {
     fn exposure(&self) -> Judged {
         let percent = 100.0 * self.saturated;
         match self.peak {
-            None => judged("exposure", None, "exposure -", "nothing to judge by"),
+            None => judged(
+                "exposure",
+                None,
+                "exposure -".to_owned(),
+                "nothing to judge by".to_owned(),
+            ),
             _ if self.saturated > SATURATED_MAX => judged(
                 "exposure",
                 false,
@@ -86,7 +96,7 @@ impl AimView {
         let (found, all) = self.columns;
         if found == 0 {
             let long = "no stripe: is the laser on, in view, and the lens cap off?";
-            return judged("laser", false, "no laser line", long);
+            return judged("laser", false, "no laser line".to_owned(), long.to_owned());
         }
         if (found as f64) < WIDE * f64::from(all) {
             return judged(
@@ -110,7 +120,7 @@ impl AimView {
             let long = format!(
                 "beside the target: none of the line on it, {expected_pc:.0} % at the rig's start"
             );
-            return judged("laser", false, "laser off target", long);
+            return judged("laser", false, "laser off target".to_owned(), long);
         }
         let good = (share - expected).abs() <= TARGET_WITHIN;
         let short = if good {
@@ -118,7 +128,7 @@ impl AimView {
         } else {
             "laser part on target"
         };
-        judged("laser", good, short, long)
+        judged("laser", good, short.to_owned(), long)
     }
 
     fn camera(&self) -> Judged {
@@ -131,7 +141,7 @@ impl AimView {
         }
         if let Some(fault) = self.newest_fault {
             let long = format!("the newest frame is faulty ({fault}): check cable, hub and power");
-            return judged("camera", false, "faulty frame", long);
+            return judged("camera", false, "faulty frame".to_owned(), long);
         }
         let rate = self.steady_fps.unwrap_or(self.rate_fps);
         let slow = self.steady_fps.is_some_and(|r| r < SLOW * self.wanted_fps);

@@ -4,9 +4,8 @@ use super::Shared;
 use crate::calibrate::live::Live;
 use hydroline_calib::Calibration;
 use hydroline_core::frame::GreyImage;
-use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
-use hydroline_log::Entry;
+use std::sync::{MutexGuard, PoisonError};
 
 /// Where the calibration of a recording stands.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -19,16 +18,23 @@ pub struct Calibrating {
     pub accepted: Option<Calibration>,
 }
 
+pub(super) fn lock(shared: &Shared) -> MutexGuard<'_, Option<Calibrating>> {
+    shared
+        .calibrating
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Shows one frame to the calibration; `ends` = the recording is for the calibration alone and ends with it.
 pub(super) fn look(shared: &Shared, live: &mut Live, image: &GreyImage, stamp_ns: u64, ends: bool) {
     let look = live.look(image, stamp_ns);
     if let Some(progress) = &look.progress {
-        shared.recorder.push(Entry::plane_calibration(progress));
+        shared.recorder.plane_calibration(progress);
     }
     for event in &look.events {
         shared.event(event);
     }
-    *shared.calibrating.held() = Some(Calibrating {
+    *lock(shared) = Some(Calibrating {
         line: live.line().to_owned(),
         missing: match live.accepted() {
             Some(_) => String::new(),

@@ -9,11 +9,10 @@ use super::limits::{Estimate, LimitMonitor};
 use super::measured_pose::MeasuredPose;
 use super::{Job, RecordError, Shared, worker};
 use hydroline_core::event::{Severity, kind};
-use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
 use hydroline_thruster::NeutralHandle;
 use hydroline_thruster::safety::NeutralReason;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -121,8 +120,8 @@ pub(super) fn start(
 }
 
 fn look(shared: &Shared, sight: &mut Sight, now_ns: u64) -> Estimate {
-    let floor = *shared.floor.held();
-    let pose = *shared.pose.held();
+    let floor = *shared.floor.lock().unwrap_or_else(PoisonError::into_inner);
+    let pose = *shared.pose.lock().unwrap_or_else(PoisonError::into_inner);
     sight.estimate(
         floor.filter(|(at_ns, _)| now_ns.saturating_sub(*at_ns) <= FRESH_NS),
         pose.filter(|p| now_ns.saturating_sub(p.received_ns) <= FRESH_POSE_NS),

@@ -1,8 +1,7 @@
 //! A mailbox that holds only the newest item: how analysis runs at its own pace
 //! without ever making the capture thread wait.
 
-use hydroline_core::lock::Lock;
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 #[derive(Debug)]
@@ -44,9 +43,13 @@ impl<T> Default for Mailbox<T> {
 }
 
 impl<T> Mailbox<T> {
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Leaves an item; never blocks on the taker's work.
     pub fn put(&self, item: T) {
-        let mut state = self.state.held();
+        let mut state = self.lock();
         if state.newest.replace(item).is_some() {
             state.skipped += 1;
         }
@@ -56,7 +59,7 @@ impl<T> Mailbox<T> {
 
     /// Fetches the newest item, waiting up to `wait`.
     pub fn take(&self, wait: Duration) -> Taken<T> {
-        let state = self.state.held();
+        let state = self.lock();
         let (mut state, _) = self
             .ready
             .wait_timeout_while(state, wait, |s| s.newest.is_none() && !s.closed)
@@ -70,13 +73,13 @@ impl<T> Mailbox<T> {
 
     /// No more items will come; the taker gets what is left, then [`Taken::Closed`].
     pub fn close(&self) {
-        self.state.held().closed = true;
+        self.lock().closed = true;
         self.ready.notify_all();
     }
 
     /// Items that were replaced before anyone fetched them.
     pub fn skipped(&self) -> u64 {
-        self.state.held().skipped
+        self.lock().skipped
     }
 }
 

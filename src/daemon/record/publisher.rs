@@ -13,7 +13,6 @@ use crate::record::mailbox::{Mailbox, Taken};
 use hydroline_calib::Pose;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::{Frame, GreyRule};
-use hydroline_core::lock::Lock;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hydroline_live::State;
 use hydroline_live::state::{self, Clock, Disk, Frames, Run, Thruster};
@@ -24,7 +23,7 @@ use hydroline_thruster::record::{CommandRecord, EchoRecord};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -106,7 +105,7 @@ impl Desk {
     pub(super) fn pose(&self, measured: MeasuredPose, at_ns: u64, stamp_ns: u64) {
         let eta =
             std::array::from_fn(|i| measured.eta[i].map_or(self.start_pose[i], |(value, _)| value));
-        let mut poses = self.poses.held();
+        let mut poses = self.poses.lock().unwrap_or_else(PoisonError::into_inner);
         if poses.len() == 2 {
             poses.pop_front();
         }
@@ -117,7 +116,7 @@ impl Desk {
 
     /// Where the vehicle was at a stamp: on from the last two poses, for a pose takes longer to fit than a stripe.
     fn pose_at(&self, stamp_ns: u64) -> Option<Pose> {
-        let poses = self.poses.held();
+        let poses = self.poses.lock().unwrap_or_else(PoisonError::into_inner);
         let (t1_ns, last) = poses.back()?;
         let ahead_s = (stamp_ns as f64 - *t1_ns as f64) * 1e-9;
         if ahead_s.abs() > FRESH_S {
@@ -138,7 +137,7 @@ impl Desk {
 pub(super) fn start(shared: Arc<Shared>, job: &Job) -> Option<JoinHandle<()>> {
     let inbox = {
         let desk = shared.desk.as_ref()?;
-        let mut inbox = desk.inbox.held();
+        let mut inbox = desk.inbox.lock().unwrap_or_else(PoisonError::into_inner);
         inbox.take()?
     };
     let board = Board::new(job);
@@ -372,7 +371,10 @@ impl Board {
 }
 
 fn clock(shared: &Shared) -> Option<Clock> {
-    let clock = *shared.controller.held();
+    let clock = *shared
+        .controller
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner);
     clock.map(|c| Clock {
         offset_sd_us: c.offset_sd_us,
         drift_ppm: c.drift_ppm,

@@ -1,16 +1,16 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
 use super::mailbox::Mailbox;
-use super::{Job, RecordError, Shared, Status, keys::Keys, loads, manager};
+use super::{Job, RecordError, Shared, Status, calibrating, keys::Keys, loads, manager};
 use crate::signals::Signals;
 use hydroline_core::event::{Severity, kind};
 use hydroline_core::heartbeat::Liveness;
-use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
-use hydroline_log::{Entry, messages};
+use hydroline_log::messages;
 use hydroline_thruster::ThrusterService;
 use hydroline_thruster::safety::{NeutralReason, State};
 use hydroline_thruster::service::PlanState;
+use std::sync::PoisonError;
 use std::time::Duration;
 
 /// How often the main thread looks around.
@@ -302,7 +302,11 @@ impl Supervisor<'_> {
     }
 
     fn log_clocks(&self) {
-        let controller = *self.shared.controller.held();
+        let controller = *self
+            .shared
+            .controller
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let controller = controller.map(|c| messages::pb::ControllerClock {
             offset_us: c.offset_us,
             offset_sd_us: c.offset_sd_us,
@@ -314,12 +318,10 @@ impl Supervisor<'_> {
             host_epoch_ns: c.host_epoch_ns,
             controller_epoch_us: c.controller_epoch_us,
         });
-        self.shared
-            .recorder
-            .push(Entry::clock(&messages::clock_message(
-                &self.shared.clock.triple(),
-                controller,
-            )));
+        self.shared.recorder.clock(&messages::clock_message(
+            &self.shared.clock.triple(),
+            controller,
+        ));
     }
 
     fn status(&self) -> Status {
@@ -333,10 +335,7 @@ impl Supervisor<'_> {
             skipped: self.shared.newest.skipped(),
             points: progress.points,
             bytes: log.bytes,
-            calibration: self
-                .shared
-                .calibrating
-                .held()
+            calibration: calibrating::lock(self.shared)
                 .as_ref()
                 .map(|c| c.line.clone()),
         }

@@ -7,13 +7,12 @@
 //! The thruster service only posts its commands; the model runs on the thread that asks for the estimate.
 
 use super::limits::Estimate;
-use hydroline_core::lock::Lock;
 use hydroline_rigs::Rig;
 use hydroline_sim::World;
 use hydroline_thruster::CommandRecord;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
 
 /// Commands that may wait for the next estimate: eight thrusters at 50 Hz for 20 s, where the limits are looked at
 /// every 50 ms.
@@ -119,9 +118,13 @@ impl Tracker {
         }
     }
 
+    fn lock(&self) -> std::sync::MutexGuard<'_, Model> {
+        self.model.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Whether there is a model that has not diverged.
     pub fn is_tracking(&self) -> bool {
-        !self.missed.load(Ordering::Acquire) && self.model.held().state.is_some()
+        !self.missed.load(Ordering::Acquire) && self.lock().state.is_some()
     }
 
     /// Posts a command that was sent. Never waits: the thruster service calls it, and neither the model's arithmetic
@@ -142,7 +145,7 @@ impl Tracker {
 
     /// Where the vehicle should be at `at_ns`, CLOCK_MONOTONIC; nothing while no thrust is commanded.
     pub fn estimate(&self, at_ns: u64) -> Estimate {
-        let mut model = self.model.held();
+        let mut model = self.lock();
         if self.missed.load(Ordering::Acquire) {
             model.state = None;
         }
@@ -267,7 +270,7 @@ mod tests {
         let rig = Rig::builtin("lshpi").unwrap();
         let tracker = Tracker::new(&rig);
         // An analysis that holds the model for ever: with a lock in the way this test would never end.
-        let held = tracker.model.held();
+        let held = tracker.lock();
         let set = commands(&rig);
         for command in set.iter().cycle().take(2 * WAITING) {
             tracker.command(command);

@@ -12,16 +12,15 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
 use hydroline_core::event::{Severity, kind};
 use hydroline_core::frame::{Frame, GreyImage};
-use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
-use hydroline_log::{Entry, messages};
+use hydroline_log::messages;
 use hydroline_pose::joint::{JointPose, PoseFault};
 use hydroline_pose::opening::{self, Opening};
 use hydroline_pose::run::{PoseRun, RunPose, motion_message};
 use hydroline_stripe::Profile;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -156,9 +155,9 @@ pub(super) fn analysis(
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
                     let (profile, pixels) = analyst.analyse_whole(&frame);
-                    shared.recorder.push(Entry::profile(&profile));
+                    shared.recorder.profile(&profile);
                     let drawing = messages::stripe_annotations(&profile);
-                    shared.recorder.push(Entry::annotations(&drawing));
+                    shared.recorder.annotations(&drawing);
                     if let Some(desk) = &shared.desk {
                         desk.show(&frame, &profile);
                     }
@@ -167,7 +166,8 @@ pub(super) fn analysis(
                         calibrating::look(shared, live, image, stamp_ns, ends);
                     } else if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
                         let at_ns = frame.meta.received_monotonic_ns;
-                        *shared.floor.held() = Some((at_ns, floor));
+                        *shared.floor.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some((at_ns, floor));
                     }
                     shared.progress(|p| {
                         p.analysed += 1;
@@ -224,9 +224,9 @@ pub(super) fn poses(
                     if let RunPose::Good(fit) = pose {
                         measured(shared, &seen, &fit);
                         let motion = motion_message(stamp_ns, &fit);
-                        shared.recorder.push(Entry::motion(&motion));
+                        shared.recorder.motion(&motion);
                         if let Some(pose) = messages::pose_message(&motion) {
-                            shared.recorder.push(Entry::pose(&pose));
+                            shared.recorder.pose(&pose);
                         }
                     }
                 }
@@ -243,7 +243,7 @@ pub(super) fn poses(
 /// What the limits go by.
 fn measured(shared: &Shared, seen: &Seen, fit: &JointPose) {
     let measured = MeasuredPose::of(seen.received_ns, fit);
-    *shared.pose.held() = Some(measured);
+    *shared.pose.lock().unwrap_or_else(PoisonError::into_inner) = Some(measured);
     if let Some(desk) = &shared.desk {
         let now = shared.clock.triple();
         let ahead_ns = now.realtime_ns.saturating_sub(now.monotonic_ns);

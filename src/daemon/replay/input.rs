@@ -51,26 +51,28 @@ impl Input {
         }
     }
 
-    fn log(&self) -> Option<&LogReader> {
+    /// How the recording read its frames; `None` = it read none.
+    pub fn grey_rule(&self) -> Option<GreyRule> {
         match self {
-            Input::Log(reader) => Some(reader),
+            Input::Log(reader) => Some(reader.grey_rule()),
             Input::Folder(_) => None,
         }
     }
 
-    /// How the recording read its frames; `None` = it read none.
-    pub fn grey_rule(&self) -> Option<GreyRule> {
-        self.log().map(LogReader::grey_rule)
-    }
-
     /// The rig that it was recorded with.
     pub fn rig_toml(&self) -> Option<&str> {
-        self.log()?.rig_toml()
+        match self {
+            Input::Log(reader) => reader.rig_toml(),
+            Input::Folder(_) => None,
+        }
     }
 
     /// What of the metadata is not as it was written.
     pub fn seal_findings(&self) -> Vec<SealFinding> {
-        self.log().map_or_else(Vec::new, LogReader::seal_findings)
+        match self {
+            Input::Log(reader) => reader.seal_findings(),
+            Input::Folder(_) => Vec::new(),
+        }
     }
 
     /// Frames that are known to be missing.

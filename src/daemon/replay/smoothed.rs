@@ -5,7 +5,7 @@ use hydroline_core::frame::Frame;
 use hydroline_log::Record;
 use hydroline_log::messages::{
     pb::{ThrusterCommand, VehicleMotion},
-    unix_ns,
+    timestamp, unix_ns,
 };
 use hydroline_pose::run::{PoseRun, RunPose};
 use hydroline_pose::smooth::{Dynamics, MeasuredFrame, Smoothed, smooth};
@@ -141,9 +141,16 @@ fn measure(
 
 /// The message of a smoothed pose.
 fn message(frame: &Smoothed) -> VehicleMotion {
-    let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
+    let value = |i: usize| frame.measured[i].then(|| frame.eta[i]);
     VehicleMotion {
-        covariance: frame.covariance.transpose().iter().copied().collect(),
-        ..VehicleMotion::of_pose(frame.stamp_ns, eta)
+        timestamp: Some(timestamp(frame.stamp_ns)),
+        x_m: value(0),
+        y_m: value(1),
+        z_m: value(2),
+        phi_rad: value(3),
+        theta_rad: value(4),
+        psi_rad: value(5),
+        covariance: (0..36).map(|k| frame.covariance[(k / 6, k % 6)]).collect(),
+        ..VehicleMotion::default()
     }
 }

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::{Source, diagnose};
+use hydroline_identify::data::{Command, Run, Sample};
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::Trajectory;
@@ -36,9 +36,9 @@ fn run(rig: &Rig, k: usize) -> Run {
     }
     for i in 0..600u32 {
         let t_s = 0.006 + 0.04 * f64::from(i);
-        let mut values = PerChannel::NAN;
+        let mut values = [f64::NAN; 12];
         let shake = f64::from((i.wrapping_mul(2_654_435_761) >> 16) % 1001) / 1000.0 - 0.5;
-        values[Channel::X] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
+        values[0] = path.state_at(t_s).unwrap().vehicle.eta[0] + 5e-4 * shake;
         made.samples.push(Sample {
             t_s,
             values,
@@ -80,7 +80,7 @@ fn diagnosis_by_effects_at_work(effects: usize) -> usize {
     let sources: Vec<Source> = (0..4)
         .map(|k| Source {
             run: run(&tank, k),
-            ..Source::default()
+            faults: Vec::new(),
         })
         .collect();
     let made = diagnose(&sources[..3], &sources[3..], &rig, &|_| {}).unwrap();
@@ -94,7 +94,7 @@ fn diagnosis_by_runs(runs: usize) -> usize {
     let sources: Vec<Source> = (0..runs)
         .map(|k| Source {
             run: run(&rig, k % 4),
-            ..Source::default()
+            faults: Vec::new(),
         })
         .collect();
     let made = diagnose(&sources, &[], &rig, &|_| {}).unwrap();

@@ -4,6 +4,7 @@ use hydroline_inference::fit::{Effort, Fit};
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::Kind;
 
+use super::effects::table;
 use super::found::{Judged, relative};
 use crate::verdict::AblationStep;
 
@@ -42,12 +43,12 @@ impl Judged<'_> {
     fn step(&self, effect: String, fit: &Fit, held: &Rms) -> AblationStep {
         AblationStep {
             effect,
-            train: self.found.problem.left(&fit.terms, &fit.point).by_name(),
-            predicted: held.by_name(),
+            train: table(&self.found.problem.left(&fit.terms, &fit.point)),
+            held_out: table(held),
         }
     }
 
-    /// What the vehicle alone and the likeliest model miss of the runs held out or, without any, of each run by the others.
+    /// What the vehicle alone and the likeliest model miss of runs held out, or left out in turn.
     fn predicted_already(&self) -> Option<(Rms, Rms)> {
         let held = self.held.as_ref().map(|(_, predicted)| predicted);
         Some(held.or(self.one_run_out.as_ref())?.rms)

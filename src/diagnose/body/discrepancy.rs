@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use hydroline_core::run::{Channel, PerChannel};
+use hydroline_identify::data::CHANNELS;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::hyper::SIZES;
 use hydroline_inference::posterior::UNNAMED;
@@ -26,7 +26,7 @@ pub fn mattering(
     candidates: &[Candidate],
     terms: &[usize],
     weights: &[Rms],
-    tolerance: &PerChannel<f64>,
+    tolerance: &[f64; 12],
     unsure: impl Fn(usize) -> f64,
 ) -> BTreeSet<usize> {
     let heavy = terms
@@ -188,7 +188,7 @@ impl Judged<'_> {
             .collect();
         let force_at = fit.point[at..at + n].to_vec();
         let force_sd = (at..at + n)
-            .map(|i| fit.covariance[(i, i)].max(0.0).sqrt())
+            .map(|i| fit.covariance[(i, i)].sqrt())
             .collect();
         let closed_form = self.closed_form(table, &knots);
         // A table cannot hold a force that turns with the rate; where a form is the law, it says where the force acts.
@@ -206,11 +206,11 @@ impl Judged<'_> {
         let unit = if dof < 3 { "N" } else { "N m" };
         let force = shown[top];
         Some(Unexplained {
-            channel: channel.name().to_owned(),
-            weight: Some(weights[channel]).filter(|w| w.is_finite()),
-            depends_on: Some(covariate.to_owned()),
-            range: Some([knots[first], knots[last]]),
-            force: Some(force),
+            channel: CHANNELS[channel].to_owned(),
+            weight: weights[channel],
+            depends_on: covariate.to_owned(),
+            range: [knots[first], knots[last]],
+            force,
             term: format!(
                 "a force of no known effect in {} that depends on {covariate} (probability {:.3} of it that this is the variable): up to {:.3} {unit} at {:.3}, between {:.3} and {:.3}{}",
                 Dof::ALL[dof].name(),
@@ -227,7 +227,7 @@ impl Judged<'_> {
             knots,
             force_at,
             force_sd,
-            log_bayes_factor: Some(self.ln_odds(dof)),
+            log_bayes_factor: self.ln_odds(dof),
         })
     }
 
@@ -235,7 +235,11 @@ impl Judged<'_> {
         let body = &self.found.problem.body;
         let cell = self.best.cells.misfit[dof];
         let over = SIZES[cell.size];
-        let channel = body.recording.channel_of(dof);
+        let channel = if body.recording.channels[dof] {
+            dof
+        } else {
+            6 + dof
+        };
         let weight = over * body.tolerance[channel];
         let name = Dof::ALL[dof].name();
         let unit = if dof < 3 { "N" } else { "N m" };
@@ -244,16 +248,20 @@ impl Judged<'_> {
         let size = force.sd_mps2 * h.mass()[dof];
         let p = self.unnamed_in(dof);
         Unexplained {
-            channel: channel.name().to_owned(),
-            weight: Some(weight),
-            depends_on: Some("time".to_owned()),
-            force: Some(size),
+            channel: CHANNELS[channel].to_owned(),
+            weight,
+            depends_on: "time".to_owned(),
+            range: [f64::NAN, f64::NAN],
+            force: size,
             term: format!(
                 "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
                 force.correlation_s
             ),
-            log_bayes_factor: Some(self.ln_odds(dof)),
-            ..Unexplained::default()
+            knots: Vec::new(),
+            force_at: Vec::new(),
+            force_sd: Vec::new(),
+            log_bayes_factor: self.ln_odds(dof),
+            closed_form: None,
         }
     }
 }
@@ -269,10 +277,10 @@ fn extent(force_at: &[f64]) -> Option<(usize, usize, usize)> {
 }
 
 /// Channel in which a weight is largest over its tolerance.
-fn heaviest(weight: &Rms, tolerance: &PerChannel<f64>) -> Channel {
-    let over = |c: &Channel| weight[*c] / tolerance[*c];
-    let finite = Channel::ALL.into_iter().filter(|c| over(c).is_finite());
+fn heaviest(weight: &Rms, tolerance: &[f64; 12]) -> usize {
+    let over = |c: &usize| weight[*c] / tolerance[*c];
+    let finite = (0..12).filter(|c| over(c).is_finite());
     finite
         .max_by(|a, b| over(a).total_cmp(&over(b)))
-        .unwrap_or(Channel::X)
+        .unwrap_or(0)
 }

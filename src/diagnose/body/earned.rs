@@ -1,16 +1,17 @@
 //! What a verdict has to show before it stands: what is left passes as the instruments' noise or is below the tolerance, no
-//! coefficient ends on a limit, and each run is predicted by the others no worse than by the vehicle alone.
+//! coefficient ends on a limit, and held-out runs are predicted no worse than by the vehicle alone.
 
 use std::collections::BTreeMap;
 
-use hydroline_core::run::{Channel, PerChannel};
+use hydroline_identify::data::CHANNELS;
 use hydroline_identify::parameter::Term;
 use hydroline_inference::body::Own;
 use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
+use hydroline_rigs::Dof;
 
 use super::found::Judged;
-use crate::verdict::{AtLimit, Unexplained, Value};
+use crate::verdict::{Unexplained, Value};
 
 /// Lags of the test for whiteness.
 const LAGS: usize = 20;
@@ -20,15 +21,15 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
-/// Runs are predicted worse by the others where the error, in tolerances and noise, grows by more than this share: less is what a
+/// Runs left out are predicted worse where the error, in tolerances and noise, grows by more than this share: less is what a
 /// coefficient that is fitted too costs.
 const WORSE: f64 = 0.1;
 
 /// What is left in a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
-    /// Channel.
-    pub channel: Channel,
+    /// Place among all channels.
+    pub channel: usize,
     /// rms of the residuals that no change of the model's numbers takes away \[SI\].
     pub rms: f64,
     /// sd of the instrument \[SI\].
@@ -60,10 +61,11 @@ impl Judged<'_> {
     pub fn look_at_what_is_left(&self) -> Vec<Left> {
         let problem = &self.found.problem;
         let closest = problem.closest(&self.best.terms, &self.best.point);
-        let rms = closest.map_or(PerChannel::NAN, |p| problem.left_of(&p));
+        let rms = closest.map_or([f64::NAN; 12], |p| problem.left_of(&p));
         let mut all = Vec::new();
         for (d, runs) in problem.innovations(&self.best.terms, &self.best.point) {
-            for (c, channel) in Channel::of(d).into_iter().enumerate() {
+            for c in 0..2 {
+                let channel = d + 6 * c;
                 let Some(noise) = problem.noises.channels[channel] else {
                     continue;
                 };
@@ -108,37 +110,34 @@ impl Judged<'_> {
         });
         left.filter(|l| {
             let of = |u: &Unexplained| {
-                let at = Channel::named(&u.channel);
-                at.is_some_and(|c| c.dof() == l.channel.dof())
+                let at = CHANNELS.iter().position(|c| *c == u.channel);
+                at.is_some_and(|c| c % 6 == l.channel % 6)
             };
             !named.iter().any(of)
         })
         .map(|l| Unexplained {
-            channel: l.channel.name().to_owned(),
-            weight: Some(l.beyond()).filter(|w| w.is_finite()),
+            channel: CHANNELS[l.channel].to_owned(),
+            weight: l.beyond(),
+            depends_on: "time".to_owned(),
+            range: [f64::NAN, f64::NAN],
+            force: f64::NAN,
             term: format!(
                 "{:.2e} rms is left in {} ({}), where the instrument's noise is {:.2e}",
                 l.rms,
-                l.channel.name(),
-                l.channel.dof().name(),
+                CHANNELS[l.channel],
+                Dof::ALL[l.channel % 6].name(),
                 l.noise
             ),
-            ..Unexplained::default()
+            knots: Vec::new(),
+            force_at: Vec::new(),
+            force_sd: Vec::new(),
+            log_bayes_factor: f64::NAN,
+            closed_form: None,
         })
         .collect()
     }
 
     /// Coefficients at a limit or far from the rig's, with their factor.
-    pub fn at_limit(&self) -> Vec<AtLimit> {
-        let each = self.far_off().into_iter();
-        each.map(|(key, factor)| AtLimit {
-            key,
-            factor: factor.value,
-        })
-        .collect()
-    }
-
-    /// The same with the factor's sd.
     pub fn far_off(&self) -> BTreeMap<String, Value> {
         let body = &self.found.problem.body;
         let after = self.own_after();
@@ -158,7 +157,7 @@ impl Judged<'_> {
             let known = self.is_said(own)
                 && factor.ln().abs() > FAR_OFF.ln()
                 && sd < 0.5 * factor.ln().abs();
-            if known || self.is_at_limit(i, bounds[i]) {
+            if known || self.at_limit(i, bounds[i]) {
                 let value = Value {
                     value: factor,
                     sd: Some(factor * sd).filter(|s| s.is_finite()),
@@ -179,7 +178,7 @@ impl Judged<'_> {
 
     /// Whether one of the vehicle's numbers is as far off as is looked. Damping that the rig does not know and that is as
     /// good as none is at no limit: a hull may have none of that power.
-    fn is_at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
+    fn at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
         let said = self.is_said(&self.found.problem.body.own[place]);
         let at = self.best.point[place];
         (at <= AT_LIMIT * low && said) || at >= AT_LIMIT * high
@@ -191,7 +190,7 @@ impl Judged<'_> {
         let body = &self.found.problem.body;
         let bounds = body.bounds(&self.best.terms);
         let none = |i: usize| self.is_no_damping(i, bounds[i]);
-        (0..body.own.len()).any(|i| self.is_at_limit(i, bounds[i]) && !none(i))
+        (0..body.own.len()).any(|i| self.at_limit(i, bounds[i]) && !none(i))
     }
 
     /// Whether a damping coefficient is as small as is looked.
@@ -211,7 +210,7 @@ impl Judged<'_> {
             .collect()
     }
 
-    /// Whether runs are predicted worse by the others than by the vehicle alone: each error in units of noise, tolerance and of what
+    /// Whether held-out runs are predicted worse than by the vehicle alone: each error in units of noise, tolerance and of what
     /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
     pub fn predicts_worse(&self) -> bool {
         let Some(predicted) = &self.one_run_out else {
@@ -223,7 +222,7 @@ impl Judged<'_> {
             let left = problem.left_by_run(&of.values);
             let runs = left.len().max(1) as f64;
             let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
-                let channels = problem.noises.channels.each();
+                let channels = problem.noises.channels.iter().enumerate();
                 channels.filter_map(|(c, noise)| {
                     let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
                     let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));

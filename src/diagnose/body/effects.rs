@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_identify::adopt::put;
+use hydroline_identify::data::CHANNELS;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
@@ -13,6 +14,7 @@ use hydroline_sim::effect::Trend;
 use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
+use crate::conclude::HELD_OUT;
 use crate::verdict::{
     self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
 };
@@ -27,6 +29,12 @@ const LEAST_SHARE: f64 = 1e-4;
 const PROBABLE: f64 = 0.01;
 /// Models listed.
 const MODELS: usize = 8;
+
+/// Channels that are measured.
+pub fn table(rms: &Rms) -> BTreeMap<String, f64> {
+    let each = rms.iter().enumerate().filter(|(_, v)| v.is_finite());
+    each.map(|(c, v)| (CHANNELS[c].to_owned(), *v)).collect()
+}
 
 /// Numbers of several models, by their probabilities: mean, and sd with what the means differ by.
 fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
@@ -131,7 +139,7 @@ impl Judged<'_> {
                     dof: place(c),
                     probability: e.probability,
                     established: e.probability >= ESTABLISHED,
-                    weight: weight.by_name(),
+                    weight: table(weight),
                     matters: size > 1.0,
                     law,
                     law_exact_probability: Some(exact),
@@ -263,36 +271,45 @@ impl Judged<'_> {
                     effects: terms.iter().map(|t| self.label(*t)).collect(),
                     log_evidence: fit.ln_evidence - first,
                     probability: *p,
-                    train: self.found.problem.left(terms, &fit.point).by_name(),
+                    train: table(&self.found.problem.left(terms, &fit.point)),
+                    held_out: BTreeMap::new(),
                 })
             })
             .collect()
     }
 
-    /// rms of the runs fitted, and of those held out.
     pub fn fit(&self) -> FitTable {
         let problem = &self.found.problem;
-        let left = |fit: &Fit| problem.left(&fit.terms, &fit.point);
+        let noise = self.noise();
         let mut made = FitTable {
-            train: self.before_after(&(left(self.alone), left(self.best))),
+            train: BeforeAfter {
+                before: table(&problem.left(&self.alone.terms, &self.alone.point)),
+                after: table(&problem.left(&self.best.terms, &self.best.point)),
+                noise: table(&noise),
+            },
             ..FitTable::default()
         };
-        if let Some((over, predicted)) = &self.held {
-            let runs = over.body.recording.runs.iter();
-            let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
-            made.held_out = self.before_after(&predicted.rms);
-            made.held_out_by = format!("runs held out: {}, which chose nothing", names.join(", "));
+        let (predicted, how) = match &self.held {
+            Some((over, predicted)) => {
+                let runs = over.body.recording.runs.iter();
+                let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
+                let how = format!("{HELD_OUT}: {}, which chose nothing", names.join(", "));
+                (Some(predicted), how)
+            }
+            None => (
+                self.one_run_out.as_ref(),
+                "each run by the others".to_owned(),
+            ),
+        };
+        if let Some(predicted) = predicted {
+            made.held_out = BeforeAfter {
+                before: table(&predicted.rms.0),
+                after: table(&predicted.rms.1),
+                noise: table(&noise),
+            };
+            made.held_out_by = how;
         }
         made
-    }
-
-    /// rms by both models, beside the noise.
-    fn before_after(&self, (before, after): &(Rms, Rms)) -> BeforeAfter {
-        BeforeAfter {
-            before: before.by_name(),
-            after: after.by_name(),
-            noise: self.noise().by_name(),
-        }
     }
 
     /// A term as a list of models shows it.
@@ -307,14 +324,18 @@ impl Judged<'_> {
 
     /// Each run as the others predict it.
     pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
-        let predicted = self.one_run_out.as_ref()?;
-        Some(self.before_after(&predicted.rms))
+        let (before, after) = &self.one_run_out.as_ref()?.rms;
+        Some(BeforeAfter {
+            before: table(before),
+            after: table(after),
+            noise: table(&self.noise()),
+        })
     }
 
     /// sd of the instruments \[SI\].
     pub fn noise(&self) -> Rms {
         let channels = &self.found.problem.noises.channels;
-        channels.map(|noise| noise.map_or(f64::NAN, |n| n.total_sd()))
+        std::array::from_fn(|c| channels[c].map_or(f64::NAN, |n| n.total_sd()))
     }
 
     /// Vehicle and established effects of the likeliest model into a rig.

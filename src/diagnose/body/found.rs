@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use hydroline_core::run::{PerChannel, Run};
+use hydroline_identify::data::Run;
 use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
 use hydroline_inference::posterior::Posterior;
@@ -225,7 +225,7 @@ impl<'a> Judged<'a> {
         }
         notes.extend(self.against());
         if self.small_effects_fail() {
-            notes.push("runs are predicted worse by the others with the small effects than by the vehicle alone: none of them is written".to_owned());
+            notes.push("held-out runs are predicted worse with the small effects than by the vehicle alone: none of them is written".to_owned());
         }
         notes
     }
@@ -235,7 +235,7 @@ impl<'a> Judged<'a> {
         self.groups.first().is_some_and(|(set, _)| !set.is_empty())
     }
 
-    /// Whether nothing matters, and what does not is contradicted by runs as the others predict them: then it is in no model, and there is
+    /// Whether nothing matters, and what does not is contradicted by the held-out runs: then it is in no model, and there is
     /// still nothing that matters.
     pub fn small_effects_fail(&self) -> bool {
         !self.best.terms.is_empty() && !self.something_matters() && self.predicts_worse()
@@ -248,7 +248,7 @@ impl<'a> Judged<'a> {
             notes.push("a coefficient ended a hundredfold off the rig's, which is as far as is looked: the model does not describe this motion".to_owned());
         }
         if self.something_matters() && self.predicts_worse() {
-            notes.push("runs are predicted worse by the others with these effects than by the vehicle alone: they are no explanation".to_owned());
+            notes.push("held-out runs are predicted worse with these effects than by the vehicle alone: they are no explanation".to_owned());
         }
         notes
     }
@@ -291,7 +291,7 @@ fn groups_of(
 }
 
 /// Largest weight over the tolerance of its channel.
-pub fn relative(weight: &Rms, tolerance: &PerChannel<f64>) -> f64 {
+pub fn relative(weight: &Rms, tolerance: &[f64; 12]) -> f64 {
     let each = weight.iter().zip(tolerance).map(|(w, t)| w / t);
     let finite = each.filter(|v| v.is_finite());
     // What gives no finite motion by itself matters.

@@ -4,7 +4,7 @@
 //! couples to it looks no better at first: each one given up is asked once more beside the others, and explained where the
 //! vehicle alone follows it then.
 
-use hydroline_core::run::Run;
+use hydroline_identify::data::Run;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::prior::PriorTable;
 use hydroline_inference::recording::Recording;

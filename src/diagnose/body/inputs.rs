@@ -1,6 +1,6 @@
 //! What was not explained but drove the rest: DOFs that moved as they were measured, and companions.
 
-use hydroline_core::run::{COMPANIONS, Channel};
+use hydroline_identify::data::{CHANNELS, COMPANIONS};
 use hydroline_inference::body::Body;
 use hydroline_rigs::Dof;
 
@@ -46,27 +46,35 @@ impl Inputs<'_> {
         let nobody = self.body.given.iter().filter(|d| self.cause(**d).is_none());
         nobody
             .map(|d| {
-                let channel = self.body.recording.channel_of(*d);
+                let channel = if self.body.recording.channels[*d] { *d } else { 6 + d };
                 let moves = self.extent(channel);
                 Unexplained {
-                    channel: channel.name().to_owned(),
-                    weight: Some(moves),
+                    channel: CHANNELS[channel].to_owned(),
+                    weight: moves,
+                    depends_on: "time".to_owned(),
+                    range: [f64::NAN, f64::NAN],
+                    force: f64::NAN,
                     term: format!(
                         "{} moves ({} by {moves:.3} rms) though nothing commanded it, and no model follows: its measured motion was taken as given (--given {} says that it is an input)",
                         Dof::ALL[*d].name(),
-                        channel.name(),
+                        CHANNELS[channel],
                         Dof::ALL[*d].name()
                     ),
-                    ..Unexplained::default()
+                    knots: Vec::new(),
+                    force_at: Vec::new(),
+                    force_sd: Vec::new(),
+                    log_bayes_factor: f64::NAN,
+            closed_form: None,
                 }
             })
             .collect()
     }
 
     /// rms of a channel about its mean, the largest of all runs \[SI\].
-    fn extent(&self, channel: Channel) -> f64 {
+    fn extent(&self, channel: usize) -> f64 {
         let runs = self.body.recording.runs.iter().map(|r| {
-            let seen: Vec<f64> = r.seen(channel).collect();
+            let seen = r.values.iter().map(|v| v[channel]);
+            let seen: Vec<f64> = seen.filter(|v| v.is_finite()).collect();
             let n = seen.len().max(1) as f64;
             let mean = seen.iter().sum::<f64>() / n;
             (seen.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
@@ -103,9 +111,9 @@ impl Inputs<'_> {
             if rates.iter().any(|r| r != "0") {
                 notes.push(format!(
                     "{} is steady and given: {} {} by run",
-                    Channel::RATES[d].name(),
+                    CHANNELS[6 + d],
                     rates.join(", "),
-                    Channel::RATES[d].unit()
+                    if d < 3 { "m/s" } else { "rad/s" }
                 ));
             }
         }

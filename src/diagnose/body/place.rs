@@ -1,11 +1,12 @@
 //! Where the vehicle alone misses, and the test that it does.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
 
 use super::earned::worst;
+use super::effects::table;
 use super::found::{Judged, relative};
 use crate::verdict::{Test, Where};
 
@@ -55,6 +56,7 @@ impl Judged<'_> {
             },
             dof,
             windows,
+            depends_on: BTreeMap::new(),
         }
     }
 
@@ -82,34 +84,29 @@ impl Judged<'_> {
             freedom,
             p_value: chi2_above(value, freedom),
             whiteness_p: whiteness.collect(),
-            noise_rms: self.noise().by_name(),
+            noise_rms: table(&self.noise()),
         }
     }
 
     /// Effects that these runs would not show: at their typical size they change nothing that the vehicle's own numbers
-    /// could not. Each stands there once, with the DOFs in which it acts by name.
-    pub fn blind_spots(&self) -> Vec<String> {
-        let body = &self.found.problem.body;
-        let mut spots: Vec<(String, BTreeSet<usize>)> = Vec::new();
+    /// could not. With the DOFs of those that act in one by name.
+    pub fn blind_spots(&self) -> (Vec<String>, BTreeMap<String, Vec<String>>) {
+        let mut spots: Vec<String> = Vec::new();
+        let mut dofs: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for c in self.found.problem.unseen(self.best) {
             let id = self.id(c);
             if self.best.terms.iter().any(|t| self.id(*t) == id) {
                 continue;
             }
-            let dof = body.candidates[c].dof();
-            match spots.iter_mut().find(|s| s.0 == id) {
-                Some((_, dofs)) => dofs.extend(dof),
-                None => spots.push((id, dof.into_iter().collect())),
+            if let Some(d) = self.found.problem.body.candidates[c].dof() {
+                let of = dofs.entry(id.clone()).or_default();
+                of.push(Dof::ALL[d].name().to_owned());
+            }
+            if !spots.contains(&id) {
+                spots.push(id);
             }
         }
-        let named = |(id, dofs): (String, BTreeSet<usize>)| {
-            let dofs: Vec<&str> = dofs.iter().map(|d| Dof::ALL[*d].name()).collect();
-            match dofs.is_empty() {
-                true => id,
-                false => format!("{id} in {}", dofs.join(", ")),
-            }
-        };
-        spots.into_iter().map(named).collect()
+        (spots, dofs)
     }
 }
 

@@ -48,9 +48,9 @@ fn say(e: &Effect) -> String {
 /// Coefficients far from the rig's.
 fn factors(v: &Verdict) -> String {
     let each = v
-        .at_limit
+        .rig_factors
         .iter()
-        .map(|c| format!("; {} is {:.2} times the rig's", c.key, c.factor));
+        .map(|(name, f)| format!("; {name} is {:.2} times the rig's", f.value));
     each.collect()
 }
 

@@ -8,6 +8,7 @@ use hydroline_inference::term::Candidate;
 use hydroline_sim::effect::form::{FORMS, NUMBERS, Parity, Shape, form, piece};
 use hydroline_sim::effect::written_force::{PIECES, TIMES, is_a_rate};
 
+use super::effects::table as channels;
 use super::found::Judged;
 use crate::verdict::{ClosedForm, ESTABLISHED, Piece, Value, WrittenForm};
 
@@ -176,21 +177,21 @@ impl Judged<'_> {
             .iter()
             .map(|f| format!("{} (probability {:.3})", f.expression, f.probability))
             .collect();
-        let sentence = match (sure, closed.stands, &closed.one_run_out) {
+        let sentence = match (sure, closed.stands, &closed.left_out) {
             (true, ..) => format!("in closed form {}", several[0]),
             (_, true, _) => format!(
                 "its closed form is not decided: {}; or none (probability {none:.3})",
                 several.join("; or ")
             ),
             (_, _, Some(_)) => {
-                "no closed form: with the likeliest each run is predicted worse by the others than with the table"
+                "no closed form: the likeliest predicts held-out runs worse than the table"
                     .to_owned()
             }
             _ => {
                 format!("no closed form (probability {none:.3} that it has none of the grammar's)")
             }
         };
-        let one_run_out = closed.one_run_out.as_ref();
+        let left_out = closed.left_out.as_ref();
         let likeliest = ranked.first().map(|r| &r.0);
         let at = likeliest.and_then(|f| self.forces_of(f, knots));
         // The rig is written from the likeliest model, what is established of it.
@@ -203,8 +204,8 @@ impl Judged<'_> {
             none_probability: none,
             forms,
             force_at: at.unwrap_or_default(),
-            leave_one_run_out: one_run_out.map_or_else(BTreeMap::new, |l| l.0.by_name()),
-            leave_one_run_out_table: one_run_out.map_or_else(BTreeMap::new, |l| l.1.by_name()),
+            left_out: left_out.map_or_else(BTreeMap::new, |l| channels(&l.0)),
+            left_out_table: left_out.map_or_else(BTreeMap::new, |l| channels(&l.1)),
             sentence,
         })
     }

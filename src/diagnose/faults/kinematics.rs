@@ -2,8 +2,7 @@
 //!
 //! Positions are differentiated by the smoothing spline through them, so that noise decides nothing.
 
-use hydroline_core::run::Channel::{P, Psi, U, V, X, Y};
-use hydroline_core::run::{Channel, PerChannel, Run};
+use hydroline_identify::data::{CHANNELS, Run};
 use hydroline_inference::smooth::smooth;
 use hydroline_rigs::Rig;
 
@@ -18,7 +17,7 @@ const SAMPLES: usize = 3000;
 /// A run's channels at the samples looked at.
 struct Columns {
     times_s: Vec<f64>,
-    values: Vec<PerChannel<f64>>,
+    values: Vec<[f64; 12]>,
 }
 
 impl Columns {
@@ -34,21 +33,21 @@ impl Columns {
     }
 
     /// Whether a channel is measured nearly throughout.
-    fn has(&self, channel: Channel) -> bool {
+    fn has(&self, channel: usize) -> bool {
         let seen = self.values.iter().filter(|v| v[channel].is_finite());
         let count = seen.count();
         count > 20 && 2 * count > self.values.len()
     }
 
     /// Value and rate of a pose channel at each sample.
-    fn smoothed(&self, channel: Channel) -> Option<Vec<[f64; 2]>> {
+    fn smoothed(&self, channel: usize) -> Option<Vec<[f64; 2]>> {
         let samples: Vec<[f64; 2]> = self.values.iter().map(|v| [v[channel], f64::NAN]).collect();
         let made = smooth(&self.times_s, &samples, 0.0)?;
         Some(made.states.iter().map(|s| [s[0], s[1]]).collect())
     }
 
     /// rms of a column beside what it may be.
-    fn off(&self, channel: Channel, expected: impl Fn(usize) -> f64) -> f64 {
+    fn off(&self, channel: usize, expected: impl Fn(usize) -> f64) -> f64 {
         let each = self.values.iter().enumerate();
         let off: Vec<f64> = each
             .map(|(k, v)| v[channel] - expected(k))
@@ -62,37 +61,36 @@ impl Columns {
 pub fn kinematics(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let columns = Columns::new(run);
     let tolerance = rig.tolerance.channels();
-    let mut found: Vec<DataFault> = frame(run, &columns, tolerance[U]).into_iter().collect();
-    found.extend(other_angles(run, &columns, tolerance[P]));
+    let mut found: Vec<DataFault> = frame(run, &columns, tolerance[6]).into_iter().collect();
+    found.extend(other_angles(run, &columns, tolerance[9]));
     found
 }
 
 /// u and v that are dx/dt and dy/dt.
 fn frame(run: &Run, columns: &Columns, tolerance_mps: f64) -> Option<DataFault> {
-    if ![X, Y, Psi, U, V].iter().all(|c| columns.has(*c)) {
+    if ![0, 1, 5, 6, 7].iter().all(|c| columns.has(*c)) {
         return None;
     }
-    let [x, y, psi] = [X, Y, Psi].map(|c| columns.smoothed(c));
+    let [x, y, psi] = [0, 1, 5].map(|c| columns.smoothed(c));
     let (x, y, psi) = (x?, y?, psi?);
     let body = |k: usize| {
         let (sin, cos) = psi[k][0].sin_cos();
         (x[k][1] * cos + y[k][1] * sin, y[k][1] * cos - x[k][1] * sin)
     };
     let as_body = columns
-        .off(U, |k| body(k).0)
-        .hypot(columns.off(V, |k| body(k).1));
+        .off(6, |k| body(k).0)
+        .hypot(columns.off(7, |k| body(k).1));
     let as_tank = columns
-        .off(U, |k| x[k][1])
-        .hypot(columns.off(V, |k| y[k][1]));
+        .off(6, |k| x[k][1])
+        .hypot(columns.off(7, |k| y[k][1]));
     (as_body > BETTER * as_tank && as_body > tolerance_mps).then(|| {
         fault(
             run,
             "frame",
-            U.name(),
+            CHANNELS[6],
             format!(
                 "{} and {} are dx/dt and dy/dt, velocities in the frame of the tank (to {as_tank:.2e} m/s); those of the hull (SNAME) differ from them by {as_body:.2e} m/s. Turn them by psi: u = vx cos psi + vy sin psi, v = vy cos psi - vx sin psi",
-                U.name(),
-                V.name()
+                CHANNELS[6], CHANNELS[7]
             ),
             true,
         )
@@ -101,35 +99,35 @@ fn frame(run: &Run, columns: &Columns, tolerance_mps: f64) -> Option<DataFault> 
 
 /// A rate whose own angle is not measured and that is another angle's: with its own angle beside it the table's check finds it.
 fn other_angles(run: &Run, columns: &Columns, tolerance_radps: f64) -> Vec<DataFault> {
-    let turns = || [3, 4, 5].into_iter().map(Channel::of);
-    let rates: Vec<Channel> = turns()
-        .filter(|[angle, rate]| !columns.has(*angle) && columns.has(*rate))
-        .map(|[_, rate]| rate)
+    let rates: Vec<usize> = (3..6)
+        .filter(|d| !columns.has(*d) && columns.has(6 + d))
         .collect();
     if rates.is_empty() {
         return Vec::new();
     }
-    let angles: Vec<([Channel; 2], Vec<[f64; 2]>)> = turns()
-        .filter(|[angle, _]| columns.has(*angle))
-        .filter_map(|both| Some((both, columns.smoothed(both[0])?)))
+    let angles: Vec<(usize, Vec<[f64; 2]>)> = (3..6)
+        .filter(|d| columns.has(*d))
+        .filter_map(|d| Some((d, columns.smoothed(d)?)))
         .collect();
-    let is = |rate: Channel, angle: &[[f64; 2]]| {
-        let off = columns.off(rate, |k| angle[k][1]);
-        let size = columns.off(rate, |_| 0.0);
+    let is = |rate: usize, angle: &[[f64; 2]]| {
+        let (off, size) = (
+            columns.off(6 + rate, |k| angle[k][1]),
+            columns.off(6 + rate, |_| 0.0),
+        );
         size > BETTER * off && size > tolerance_radps
     };
     let mut found = Vec::new();
     for rate in rates {
-        let other = angles.iter().find(|([_, own], angle)| {
+        let other = angles.iter().find(|(d, angle)| {
             // Two columns of one rate: the one that is named like it has it.
-            is(rate, angle) && !(columns.has(*own) && is(*own, angle))
+            is(rate, angle) && !(columns.has(6 + d) && is(*d, angle))
         });
-        if let Some(([turned, own], angle)) = other {
-            let off = columns.off(rate, |k| angle[k][1]);
-            let (name, real) = (rate.name(), own.name());
+        if let Some((d, angle)) = other {
+            let off = columns.off(6 + rate, |k| angle[k][1]);
+            let (name, real) = (CHANNELS[6 + rate], CHANNELS[6 + d]);
             let evidence = format!(
                 "{name} is d({})/dt (to {off:.2e} rad/s), and so the rate {real}: columns swapped?",
-                turned.name()
+                CHANNELS[*d]
             );
             // Said of the DOF that moves.
             found.push(fault(run, "swapped_columns", real, evidence, true));
@@ -141,10 +139,10 @@ fn other_angles(run: &Run, columns: &Columns, tolerance_radps: f64) -> Vec<DataF
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_core::run::Sample;
+    use hydroline_identify::data::Sample;
 
     /// A hull that turns while it drifts, its velocities in either frame, its yaw rate in a column of choice.
-    fn run(tank: bool, rate: Channel) -> Run {
+    fn run(tank: bool, rate: usize) -> Run {
         let mut made = Run::default();
         let noise = |k: i32, c: i32| 1e-4 * f64::from((k * 7919 + c * 104_729) % 17 - 8) / 8.0;
         for k in 0..600 {
@@ -153,15 +151,15 @@ mod tests {
             let (vx, vy) = (1.0 + 0.1 * (0.3 * t).cos(), 0.2 * (0.4 * t).sin());
             let (x, y) = (t + (0.3 * t).sin() / 3.0, -0.5 * (0.4 * t).cos());
             let (sin, cos) = psi.sin_cos();
-            let mut values = PerChannel::NAN;
-            (values[X], values[Y], values[Psi]) =
+            let mut values = [f64::NAN; 12];
+            (values[0], values[1], values[5]) =
                 (x + noise(k, 0), y + noise(k, 1), psi + noise(k, 2));
-            (values[U], values[V]) = if tank {
+            (values[6], values[7]) = if tank {
                 (vx, vy)
             } else {
                 (vx * cos + vy * sin, vy * cos - vx * sin)
             };
-            values[rate] = r + noise(k, 3);
+            values[6 + rate] = r + noise(k, 3);
             made.samples.push(Sample {
                 t_s: t,
                 values,
@@ -177,10 +175,10 @@ mod tests {
         let kinds = |run: &Run| -> Vec<String> {
             kinematics(run, &rig).into_iter().map(|f| f.fault).collect()
         };
-        assert!(kinds(&run(false, Channel::R)).is_empty());
-        assert_eq!(kinds(&run(true, Channel::R)), ["frame"]);
-        assert_eq!(kinds(&run(false, P)), ["swapped_columns"]);
-        let both = kinematics(&run(true, P), &rig);
+        assert!(kinds(&run(false, 5)).is_empty());
+        assert_eq!(kinds(&run(true, 5)), ["frame"]);
+        assert_eq!(kinds(&run(false, 3)), ["swapped_columns"]);
+        let both = kinematics(&run(true, 3), &rig);
         assert!(both[0].evidence.contains("frame of the tank"));
         assert!(both[1].evidence.contains("r_radps"), "{}", both[1].evidence);
         assert!(both.iter().all(|f| f.fatal));

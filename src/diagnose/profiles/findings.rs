@@ -99,8 +99,8 @@ pub struct Findings {
 ///
 /// # Errors
 /// [`ImageError`].
-pub fn level<'a>(
-    logs: impl IntoIterator<Item = &'a PathBuf>,
+pub fn level(
+    logs: &[PathBuf],
     rig: &Rig,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Option<Findings>, ImageError> {

@@ -28,4 +28,6 @@ pub use options::LightOptions;
 pub use search::{Looked, look};
 
 #[cfg(test)]
+mod eyes;
+#[cfg(test)]
 mod tests;

@@ -7,8 +7,7 @@
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, IdealMap};
 use hydroline_core::frame::GreyImage;
-use hydroline_core::run::Command;
-use hydroline_identify::data::{LoadError, load_messages};
+use hydroline_identify::data::{Command, LoadError, load_messages};
 use hydroline_log::messages::pb;
 use hydroline_log::{LogReader, Record};
 use hydroline_numerics::cancel;
@@ -224,7 +223,10 @@ pub fn from_images(
     // Frames as motion without a value: they only put t = 0 where motion of the same log has it.
     let stamps: Vec<pb::VehicleMotion> = images
         .iter()
-        .map(|(ns, _)| pb::VehicleMotion::of_pose(*ns, [None; 6]))
+        .map(|(ns, _)| pb::VehicleMotion {
+            timestamp: Some(hydroline_log::messages::timestamp(*ns)),
+            ..pb::VehicleMotion::default()
+        })
         .collect();
     let run = load_messages(name, commands, &stamps, rig)?;
     let images = (images.into_iter())

@@ -2,7 +2,7 @@
 
 use super::{Shown, Trace};
 use crate::verdict::Unexplained;
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
 use hydroline_identify::figures::{Left, autocorrelation, commands, interval_s, residuals};
 use hydroline_report::{Axis, Colour, Figure, Panel, Quantity, points};
 
@@ -53,14 +53,14 @@ pub(super) fn before_after(shown: &Shown, trace: &Trace) -> Figure {
         .line("before", BEFORE, over_time(&trace.residual(&trace.before)))
         .line("after", AFTER, over_time(&trace.residual(&trace.after)))
         .outliers(
-            "discarded as outliers",
+            "left out as outliers",
             Colour::PURPLE,
             outliers.iter().map(|(t, v)| [*t, v * factor]).collect(),
         ),
     ];
-    let own = Channel::named(channel);
-    if let (Some(own), [first, .., last]) = (own, &trace.times_s[..]) {
-        panels.extend(commands(&trace.edges, own.dof().index(), [*first, *last]));
+    let dof = CHANNELS.iter().position(|c| *c == channel);
+    if let (Some(dof), [first, .., last]) = (dof, &trace.times_s[..]) {
+        panels.extend(commands(&trace.edges, dof % 6, [*first, *last]));
     }
     Figure::stack(
         format!(
@@ -117,12 +117,15 @@ pub(super) fn without_a_name(u: &Unexplained) -> Figure {
     };
     let within_sd = u.knots.iter().zip(u.force_at.iter().zip(&u.force_sd));
     let within_sd = within_sd.map(|(x, (a, sd))| [*x, a - sd, a + sd]).collect();
-    let over = u.depends_on.as_deref().unwrap_or("time");
-    let title = format!("force of no known effect over {over}");
-    let mut panel = Panel::new(title.clone(), Axis::new(over), Axis::new(load))
-        .height(160.0)
-        .ribbon("table, one sd", Colour::GREY, within_sd)
-        .line("table", BEFORE, points(&u.knots, &u.force_at));
+    let title = format!("force of no known effect over {}", u.depends_on);
+    let mut panel = Panel::new(
+        title.clone(),
+        Axis::new(u.depends_on.clone()),
+        Axis::new(load),
+    )
+    .height(160.0)
+    .ribbon("table, one sd", Colour::GREY, within_sd)
+    .line("table", BEFORE, points(&u.knots, &u.force_at));
     if let Some(f) = u.closed_form.as_ref().filter(|f| !f.force_at.is_empty()) {
         panel = panel.line("closed form", STRONG, points(&u.knots, &f.force_at));
     }

@@ -1,6 +1,7 @@
 //! The page's tables and lists.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 use hydroline_report::page::{Row, Value as Cell};
 use hydroline_report::{Body, Inline, Quantity, Table, significant};
@@ -30,15 +31,23 @@ fn with_sd(value: &Value) -> String {
 
 pub(super) fn fit(b: &mut Body, v: &Verdict) {
     let mut rows = Table::new(["rms", "before", "after", "noise"]);
-    let train = v.fit.train.rows("fitted");
-    for p in train.chain(v.predicted()) {
-        let of = |x: Option<f64>| x.map_or("-".to_owned(), |x| amount(p.channel, x));
-        rows.row([
-            format!("{} ({})", p.channel, p.by),
-            amount(p.channel, p.before),
-            of(p.after),
-            of(p.noise),
-        ]);
+    let tables = [
+        ("fitted", &v.fit.train),
+        (v.fit.held_out_by.as_str(), &v.fit.held_out),
+    ];
+    for (name, table) in tables {
+        for (channel, before) in &table.before {
+            let of = |m: &BTreeMap<String, f64>| {
+                m.get(channel)
+                    .map_or("-".to_owned(), |x| amount(channel, *x))
+            };
+            rows.row([
+                format!("{channel} ({name})"),
+                amount(channel, *before),
+                of(&table.after),
+                of(&table.noise),
+            ]);
+        }
     }
     b.table(rows);
     if !v.test.statistic.is_empty() {
@@ -131,13 +140,13 @@ pub(super) fn unexplained(b: &mut Body, v: &Verdict) {
     }
     b.section("What nothing in the library explains");
     b.list(v.unexplained.iter().map(|u| {
-        let weight = u
-            .weight
-            .map(|w| format!("weight {}", amount(&u.channel, w)));
-        let odds = u.log_bayes_factor;
-        let odds = odds.map(|f| format!("log Bayes factor {f:.1}"));
-        let numbers: Vec<String> = weight.into_iter().chain(odds).collect();
-        format!("{}: {} ({})", u.channel, u.term, numbers.join(", "))
+        format!(
+            "{}: {} (weight {}, log Bayes factor {:.1})",
+            u.channel,
+            u.term,
+            amount(&u.channel, u.weight),
+            u.log_bayes_factor
+        )
     }));
     for u in v.unexplained.iter().filter(|u| !u.knots.is_empty()) {
         b.figure(&super::figures::without_a_name(u), "");
@@ -159,6 +168,7 @@ pub(super) fn alternatives(b: &mut Body, v: &Verdict) {
         "log evidence below the first",
         "probability",
         "fitted rms",
+        "held-out rms",
         "",
     ]);
     let best = v.alternatives.first();
@@ -174,6 +184,7 @@ pub(super) fn alternatives(b: &mut Body, v: &Verdict) {
                 format!("{:.1}", -a.log_evidence),
                 format!("{:.3}", a.probability),
                 amounts(&a.train),
+                amounts(&a.held_out),
             ])
             .cell(Cell::from(why(v, a, best)).prose()),
         );
@@ -188,14 +199,14 @@ pub(super) fn ablation(b: &mut Body, v: &Verdict) {
     }
     b.section("What each effect gains");
     b.paragraph("One after the other, each time the one that improves the prediction most, all refitted together.");
-    let mut table = Table::new(["", "fitted rms", "predicted rms"]);
+    let mut table = Table::new(["", "fitted rms", "held-out rms"]);
     for step in &v.ablation {
         let name = if step.effect.is_empty() {
             "the vehicle alone".to_owned()
         } else {
             format!("+ {}", step.effect)
         };
-        table.row([name, amounts(&step.train), amounts(&step.predicted)]);
+        table.row([name, amounts(&step.train), amounts(&step.held_out)]);
     }
     b.table(table);
 }
@@ -233,6 +244,14 @@ fn why(
         (true, false) => format!("{} added without need", more.join(", ")),
         (false, false) => format!("{} in place of {}", more.join(", "), lacks.join(", ")),
     };
+    let worse = a
+        .held_out
+        .iter()
+        .filter_map(|(c, r)| Some(r / best.held_out.get(c)?))
+        .fold(0.0, f64::max);
+    if worse > 0.0 {
+        let _ = write!(words, "; predicts {worse:.2} times the first's rms");
+    }
     if lacks.iter().any(|l| matters.contains(l)) && a.log_evidence > -4.0 {
         words.push_str("; not decided by these data");
     }
@@ -275,7 +294,7 @@ pub(super) fn noise(b: &mut Body, v: &Verdict) {
         "white",
         "correlated",
         "over",
-        "discarded as outliers",
+        "left out as outliers",
     ]);
     for (channel, n) in &v.noise {
         table.row([
@@ -311,8 +330,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {
-        let effect = spot.split(" in ").next().unwrap_or_default();
-        let law = find(effect).map_or("", |i| i.law);
+        let law = find(spot).map_or("", |i| i.law);
         Inline::new().strong(spot).plain(format!(": {law}"))
     }));
     next_run(b, v);

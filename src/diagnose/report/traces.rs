@@ -8,20 +8,9 @@ pub struct Shown {
     /// Noise of a sample \[SI\].
     pub noise_sd: f64,
     /// Runs predicted, only their starts fitted.
-    pub predicted: Runs,
+    pub predicted: Vec<Trace>,
     /// Runs fitted.
     pub fitted: Vec<Trace>,
-}
-
-/// Runs that neither model was fitted to.
-#[derive(Debug, Clone)]
-pub enum Runs {
-    /// Those that were held out.
-    HeldOut(Vec<Trace>),
-    /// Each run, by coefficients and effects fitted to the others.
-    ByTheOthers(Vec<Trace>),
-    /// None: of one run none can be.
-    None,
 }
 
 /// One run under both models.

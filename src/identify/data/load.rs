@@ -5,9 +5,7 @@ use std::path::Path;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 
-use hydroline_core::run::{Channel, Command, Joined, Run, Sample, StillNoise};
-
-use super::NOISE_KEY;
+use super::{Command, NOISE_KEY, Run, Sample, StillNoise};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
 use hydroline_log::{LogError, LogReader, Record};
 
@@ -109,7 +107,7 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
-    run.joined = reader.metadata().get("session").and_then(Joined::of);
+    run.joined = reader.metadata().get("session").and_then(super::Joined::of);
     // Metadata at the log's end is known only now.
     let stored = reader
         .metadata()
@@ -174,7 +172,7 @@ pub fn load_messages(
         }
         last_ns = Some(ns);
         run.companions
-            .push(since_s(ns), finite(message.companions(), &mut not_finite));
+            .push(since_s(ns), companions(message, &mut not_finite));
         let sample = sample(message, since_s(ns), &mut not_finite);
         if sample.values.iter().any(|v| v.is_finite()) {
             run.samples.push(sample);
@@ -202,8 +200,7 @@ pub fn load_messages(
 
 /// Continues angles over +-pi; returns the number of jumps taken out.
 fn unwrap_angles(samples: &mut [Sample]) -> usize {
-    [Channel::Phi, Channel::Theta, Channel::Psi]
-        .into_iter()
+    (3..6)
         .map(|channel| unwrap_turns(samples.iter_mut().map(|s| &mut s.values[channel])))
         .sum()
 }
@@ -260,12 +257,38 @@ fn note_absurd(run: &mut Run, rig: &Rig) {
     }
 }
 
+/// The twelve channels as sent.
+pub(super) fn values(m: &pb::VehicleMotion) -> [Option<f64>; 12] {
+    [
+        m.x_m,
+        m.y_m,
+        m.z_m,
+        m.phi_rad,
+        m.theta_rad,
+        m.psi_rad,
+        m.u_mps,
+        m.v_mps,
+        m.w_mps,
+        m.p_radps,
+        m.q_radps,
+        m.r_radps,
+    ]
+}
+
 fn sample(m: &pb::VehicleMotion, t_s: f64, not_finite: &mut usize) -> Sample {
     Sample {
         t_s,
-        values: finite(m.channels().into_array(), not_finite).into(),
+        values: finite(values(m), not_finite),
         covariance: covariance(m),
     }
+}
+
+/// What was measured beside the motion, in the order of [`super::COMPANIONS`].
+fn companions(m: &pb::VehicleMotion, not_finite: &mut usize) -> [f64; 4] {
+    finite(
+        [m.rudder_rad, m.elevator_rad, m.shaft_radps, m.wave_m],
+        not_finite,
+    )
 }
 
 /// NaN for what was not measured; counts what is no number.
@@ -414,9 +437,7 @@ mod tests {
             (run.commands[1].wrench[2] - 2.0).abs() < 1e-12 && run.commands[1].wrench[4] != 0.0
         );
         assert_eq!(run.wrench_at(0.4), [0.0; 6]);
-        assert!(
-            (run.samples[1].t_s - 0.04).abs() < 1e-12 && run.samples[1].values[Channel::Y].is_nan()
-        );
+        assert!((run.samples[1].t_s - 0.04).abs() < 1e-12 && run.samples[1].values[1].is_nan());
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! Runs at rest: they measure the noise and nothing else.
 
+use std::collections::BTreeMap;
+
 use super::super::coupled::{every_pose_is_known, inverse_root, whitened_name};
 use super::super::problem::precision_of;
-use hydroline_core::run::rest_noise::{about_median, at_rest};
-use hydroline_core::run::{Channel, RestNoise, Run, Sample, StillNoise};
+use super::super::rest_noise::{RestNoise, about_median, at_rest};
+use super::{CHANNELS, Run, Sample};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
-use hydroline_numerics::statistics::{difference_sd, extent, median, robust_sd};
+use hydroline_numerics::statistics::{difference_sd, median, robust_sd};
 
 /// Shortest run at rest that measures a noise's colour \[s\].
 pub const STILL_MIN_S: f64 = 20.0;
@@ -28,11 +30,15 @@ pub fn is_still(run: &Run, tolerance: [f64; 2]) -> bool {
     {
         return false;
     }
+    let present = |channel: usize| -> Vec<f64> {
+        let values = run.samples.iter().map(|s| s.values[channel]);
+        values.filter(|v| v.is_finite()).collect()
+    };
     let mut judged = false;
-    for channels in (0..6).map(Channel::of) {
-        let limit = tolerance[usize::from(channels[0].is_angular())];
+    for dof in 0..6 {
+        let limit = tolerance[usize::from(dof >= 3)];
         // Rates are noisy; where there is a position or an angle it says whether it moved.
-        let [pose, rate] = channels.map(|c| run.measured(c).collect::<Vec<f64>>());
+        let (pose, rate) = (present(dof), present(6 + dof));
         let rests = if pose.len() >= JUDGED_MIN {
             spread_of_medians(&pose) < limit
         } else if rate.len() >= JUDGED_MIN {
@@ -53,7 +59,9 @@ fn spread_of_medians(values: &[f64]) -> f64 {
     let medians = values
         .chunks((values.len() / 8).max(1))
         .filter_map(|c| median(&mut c.to_vec()));
-    let (low, high) = extent(medians);
+    let (low, high) = medians.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| {
+        (l.min(m), h.max(m))
+    });
     high - low
 }
 
@@ -68,7 +76,10 @@ fn rate_is_noise(values: &[f64], limit_per_s: f64) -> bool {
         && robust_sd(&away) <= 3.0 * difference_sd(values)
 }
 
-/// Key in the `summary` that a log at rest carries; its value is [`StillNoise`] as JSON.
+/// Noise by channel name; what a log at rest carries in its metadata (`summary`, key [`NOISE_KEY`]).
+pub type StillNoise = BTreeMap<String, RestNoise>;
+
+/// Key in the log's metadata `summary`; its value is [`StillNoise`] as JSON.
 pub const NOISE_KEY: &str = "noise_at_rest";
 
 /// Fewest samples that measure a channel's noise.
@@ -93,42 +104,41 @@ pub fn still_noise(run: &Run) -> StillNoise {
             .collect();
         Some((name, at_rest(vec![about_median(&weighed)], reference)?))
     };
-    let channel = |c: Channel| {
+    let channel = |c: usize| {
+        let sd = |s: &Sample| {
+            let own = s.covariance.as_deref().filter(|_| c < 6).map(|p| p[7 * c]);
+            own.filter(|v| *v > 0.0).map_or(f64::NAN, f64::sqrt)
+        };
         let samples: Vec<(f64, f64, f64)> = run
             .samples
             .iter()
             .filter(|s| s.values[c].is_finite())
-            .map(|s| (s.t_s, s.values[c], s.sd(c).unwrap_or(f64::NAN)))
+            .map(|s| (s.t_s, s.values[c], sd(s)))
             .collect();
-        measure(c.name().to_owned(), &samples)
+        measure(CHANNELS[c].to_owned(), &samples)
     };
-    let combination = |last: Channel| {
+    let combination = |c: usize| {
         if !every_pose_is_known(run) {
             return None;
         }
         // Deviations, not values: a covariance that varies would turn a place far from zero into noise.
-        let middle = Channel::POSES.map(|c| run.median(c).unwrap_or(0.0));
+        let middle: [f64; 6] = std::array::from_fn(|j| run.median(j).unwrap_or(0.0));
         let samples: Vec<(f64, f64, f64)> = run
             .samples
             .iter()
             .map(|s| {
                 let rows = inverse_root(s.covariance.as_deref());
-                let row = rows[last.index()].iter().take(last.index() + 1);
-                let away = s.values.iter().zip(&middle);
-                let value = row
-                    .zip(away)
-                    .map(|(by, (v, middle))| by * (v - middle))
+                let value = (0..=c)
+                    .map(|j| rows[c][j] * (s.values[j] - middle[j]))
                     .sum();
                 (s.t_s, value, f64::NAN)
             })
             .collect();
-        measure(whitened_name(last.name()), &samples)
+        measure(whitened_name(CHANNELS[c]), &samples)
     };
-    let combinations = Channel::POSES.into_iter().filter_map(combination);
-    Channel::ALL
-        .into_iter()
+    (0..12)
         .filter_map(channel)
-        .chain(combinations)
+        .chain((0..6).filter_map(combination))
         .collect()
 }
 
@@ -161,7 +171,7 @@ impl StillWatch {
         let t_s = (stamp_ns as f64 - self.run.start_ns as f64) * 1e-9;
         // Stamps that repeat or run backwards measure nothing.
         if self.run.samples.last().is_none_or(|last| t_s > last.t_s) {
-            let values = motion.channels().map(|v| v.unwrap_or(f64::NAN));
+            let values = super::load::values(motion).map(|v| v.unwrap_or(f64::NAN));
             self.run.samples.push(Sample {
                 t_s,
                 values,
@@ -219,11 +229,11 @@ mod tests {
     }
 
     /// A log that carries only a rate, 120 s at 25/s.
-    fn rate_only(rate: impl Fn(f64) -> f64, channel: Channel) -> Run {
+    fn rate_only(rate: impl Fn(f64) -> f64, channel: usize) -> Run {
         let mut rng = StdRng::seed_from_u64(5);
         let sample = |k: usize| {
             let noise: f64 = StandardNormal.sample(&mut rng);
-            let mut values = PerChannel::NAN;
+            let mut values = [f64::NAN; 12];
             values[channel] = rate(0.04 * k as f64) + 1e-3 * noise;
             Sample {
                 t_s: 0.04 * k as f64,
@@ -240,22 +250,19 @@ mod tests {
     #[test]
     fn a_decay_seen_by_rates_only_is_not_at_rest_and_a_quiet_gyro_is() {
         let swing = |t: f64| 0.3 * (-0.02 * t).exp() * (1.3 * t).sin();
-        assert!(!is_still(&rate_only(swing, Channel::P), TOLERANCE));
+        assert!(!is_still(&rate_only(swing, 9), TOLERANCE));
         assert!(!is_still(
-            &rate_only(|t| 0.6 / (1.0 + 0.2 * t), Channel::U),
+            &rate_only(|t| 0.6 / (1.0 + 0.2 * t), 6),
             TOLERANCE
         ));
         assert!(
-            !is_still(&rate_only(|_| 0.3, Channel::R), TOLERANCE),
+            !is_still(&rate_only(|_| 0.3, 11), TOLERANCE),
             "a steady turn"
         );
-        assert!(
-            is_still(&rate_only(|_| 0.004, Channel::R), TOLERANCE),
-            "a bias"
-        );
-        let mut nothing = rate_only(|_| 0.0, Channel::R);
+        assert!(is_still(&rate_only(|_| 0.004, 11), TOLERANCE), "a bias");
+        let mut nothing = rate_only(|_| 0.0, 11);
         for sample in &mut nothing.samples {
-            sample.values = PerChannel::NAN;
+            sample.values = [f64::NAN; 12];
         }
         assert!(!is_still(&nothing, TOLERANCE), "nothing measured");
     }

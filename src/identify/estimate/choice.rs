@@ -1,9 +1,9 @@
 //! Which equations these runs call for, and which of their coefficients are free.
 
 use super::{ModelChoice, Options};
+use crate::data::Run;
 use crate::parameter::Coefficient;
-use hydroline_core::run::{Channel, Run};
-use hydroline_numerics::statistics::{difference_sd, extent, median, robust_sd};
+use hydroline_numerics::statistics::{difference_sd, median, robust_sd};
 use hydroline_rigs::{Dof, Rig, VehicleModel};
 
 /// One DOF if only one is driven; without commands the one that moves most for its noise.
@@ -24,10 +24,24 @@ pub(super) fn choose(runs: &[Run], rig: &Rig) -> ModelChoice {
             let moved = |i: usize| -> f64 {
                 runs.iter()
                     .map(|r| {
-                        let measured = r.measured(measured_by(r, i));
-                        let (low, high) = extent(measured.clone());
-                        if measured.count() > 8 {
-                            (high - low) / rig.tolerance.channels()[Channel::POSES[i]]
+                        let v: Vec<f64> = r
+                            .samples
+                            .iter()
+                            .map(|s| s.values[measured_by(r, i)])
+                            .filter(|v| v.is_finite())
+                            .collect();
+                        let (low, high) = v
+                            .iter()
+                            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| {
+                                (l.min(*x), h.max(*x))
+                            });
+                        let unit = if i < 3 {
+                            rig.tolerance.position_m
+                        } else {
+                            rig.tolerance.attitude_rad
+                        };
+                        if v.len() > 8 {
+                            (high - low) / unit
                         } else {
                             0.0
                         }
@@ -55,8 +69,8 @@ pub(super) fn what_is_free(
         _ => Dof::ALL
             .into_iter()
             .filter(|d| {
-                let any = |c: &Channel| runs.iter().any(|r| r.has(*c));
-                Channel::of(d.index()).iter().any(any)
+                runs.iter()
+                    .any(|r| r.count(d.index()) + r.count(6 + d.index()) > 0)
             })
             .collect(),
     };
@@ -78,18 +92,22 @@ pub(super) fn what_is_free(
 pub(super) fn rests(runs: &[Run], dof: Dof) -> bool {
     let i = dof.index();
     runs.iter().all(|r| {
-        let quiet = |channel: Channel| {
-            let values: Vec<f64> = r.measured(channel).collect();
+        let quiet = |channel: usize| {
+            let values: Vec<f64> = r
+                .samples
+                .iter()
+                .map(|s| s.values[channel])
+                .filter(|v| v.is_finite())
+                .collect();
             let middle = median(&mut values.clone()).unwrap_or(0.0);
             let away: Vec<f64> = values.iter().map(|v| v - middle).collect();
             values.is_empty() || robust_sd(&away) < 3.0 * difference_sd(&values)
         };
-        r.largest_wrench()[i] == 0.0 && Channel::of(i).into_iter().all(quiet)
+        r.largest_wrench()[i] == 0.0 && quiet(i) && quiet(6 + i)
     })
 }
 
 /// The channel that shows how a DOF moved: its position or angle, else its rate (over a second).
-fn measured_by(run: &Run, dof: usize) -> Channel {
-    let [place, rate] = Channel::of(dof);
-    if run.has(place) { place } else { rate }
+fn measured_by(run: &Run, dof: usize) -> usize {
+    if run.count(dof) > 0 { dof } else { 6 + dof }
 }

@@ -3,12 +3,12 @@
 use super::fit::{Fit, NOT_WHITE, beside};
 use super::{IdentifyError, Options};
 use crate::adopt::ZERO_WITHIN_SD;
+use crate::data::{CHANNELS, Run};
 use crate::figures::edges;
 use crate::outcome::{Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
 use crate::parameter::{Coefficient, Term};
 use crate::problem::Objective;
 use crate::uncertainty::{PROFILE_EVALUATIONS, Profile, Ridge, covariance, profile};
-use hydroline_core::run::{Channel, Run};
 use hydroline_numerics::information::correlation;
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::{Correlogram, LAGS, Whiteness, ljung_box, median, t95};
@@ -413,12 +413,12 @@ impl Fit<'_> {
                 start,
             });
             for c in channels {
-                let channel = Channel::named(&c.name);
+                let index = CHANNELS.iter().position(|name| *name == c.name);
                 let commands = run.commands.iter().map(|c| (c.t_s, c.wrench));
                 result.traces.push(Trace {
                     run: run.name.clone(),
-                    edges: channel.map_or(Vec::new(), |c| edges(commands, c.dof().index())),
-                    noise_sd: self.channel_sd(run, &c.name, channel),
+                    edges: index.map_or(Vec::new(), |i| edges(commands, i % 6)),
+                    noise_sd: self.channel_sd(run, &c.name, index),
                     channel: c.name,
                     times_s: self.forward.times_s(i).to_vec(),
                     measured: c.measured,
@@ -431,7 +431,7 @@ impl Fit<'_> {
 
     /// Noise of a physical channel of a run \[SI\]; where its slot is in units of the logged sd, that sd's median
     /// times what was found.
-    fn channel_sd(&self, run: &Run, name: &str, channel: Option<Channel>) -> Option<f64> {
+    fn channel_sd(&self, run: &Run, name: &str, index: Option<usize>) -> Option<f64> {
         let slots = self.forward.slots();
         let of = |slot: usize| self.noise_of(slot).total_sd();
         if let Some(slot) = slots.iter().position(|s| s == name) {
@@ -439,9 +439,9 @@ impl Fit<'_> {
         }
         let whitened = format!("whitened {name}");
         let slot = slots.iter().position(|s| *s == whitened)?;
-        let channel = channel?;
-        let variances = run.samples.iter().filter_map(|s| s.variance(channel));
-        let mut sds: Vec<f64> = variances.map(f64::sqrt).collect();
+        let diagonal = 7 * index.filter(|i| *i < 6)?;
+        let covariances = run.samples.iter().filter_map(|s| s.covariance.as_deref());
+        let mut sds: Vec<f64> = covariances.map(|c| c[diagonal].sqrt()).collect();
         Some(of(slot) * median(&mut sds)?)
     }
 

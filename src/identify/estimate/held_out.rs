@@ -3,13 +3,13 @@
 use super::IdentifyError;
 use super::conclude::UNEXCITED;
 use super::fit::{Fit, hold_undetermined};
+use crate::data::Run;
 use crate::forward::Forward;
 use crate::lm;
 use crate::outcome::{CrossValidation, Identification};
 use crate::parameter::Coefficient;
 use crate::problem::Problem;
 use crate::refit::ENOUGH;
-use hydroline_core::run::Run;
 
 /// Makes the equations of some runs with some coefficients free.
 pub(super) type Make<'a> =

@@ -1,10 +1,9 @@
 //! The noise of the measurement, from stretches at rest or from what a log carries of one.
 
-use crate::data::is_still;
+use crate::data::{Run, is_still};
 use crate::forward::Forward;
 use crate::problem::precision;
-use hydroline_core::run::rest_noise::{RestNoise, Stretch, about_median, at_rest};
-use hydroline_core::run::{Channel, Run};
+use crate::rest_noise::{RestNoise, Stretch, about_median, at_rest};
 
 /// Noise per slot that the logs carry from a stretch at rest: the first log that has a slot's channel.
 /// Its level belongs to the sd that was logged there; `references` are those of the slots here.
@@ -79,8 +78,7 @@ pub(super) fn noise_at_rest(
 /// place far from zero into noise where that covariance varies. One DOF needs the heading, which says where ahead is.
 pub(super) fn centred(run: &Run, keep_heading: bool) -> Run {
     let mut run = run.clone();
-    let channels = Channel::POSES.into_iter();
-    for channel in channels.filter(|c| !(keep_heading && *c == Channel::Psi)) {
+    for channel in 0..if keep_heading { 5 } else { 6 } {
         let middle = run.median(channel).unwrap_or(0.0);
         for sample in &mut run.samples {
             sample.values[channel] -= middle;

@@ -3,14 +3,15 @@
 
 use super::Prediction;
 use super::residuals::Measured;
+use crate::data::CHANNELS;
 use crate::figures::{BAND_SD, commands, edges};
-use hydroline_core::run::{Channel, PerChannel};
-use hydroline_numerics::statistics::extent;
 use hydroline_report::{Axis, Body, Colour, Figure, Inline, Page, Panel, Quantity, Table, points};
-use hydroline_rigs::{Dof, Rig, Tolerance};
+use hydroline_rigs::{Rig, Tolerance};
 
 /// Height of a panel of rates or residuals \[px\].
 const LOW_PX: f64 = 90.0;
+/// Names of the DOFs: SNAME.
+const DOFS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
 /// What `predict --report` writes.
 #[derive(Debug, Clone)]
@@ -59,7 +60,7 @@ pub fn pages(
         all.extend(panels.iter().cloned());
         let label = format!(
             "{}: predicted motion and commanded load over time",
-            Dof::ALL[dof].name()
+            DOFS[dof]
         );
         b.figure(&Figure::stack(label, panels).shared_x(), "");
     }
@@ -71,11 +72,16 @@ pub fn pages(
 
 /// DOFs whose pose moves farther than the rig's tolerance, predicted or measured; all where none does.
 fn shown(tolerance: &Tolerance, made: &Prediction, measured: Option<&Measured>) -> Vec<usize> {
-    let least = tolerance.channels();
-    let moves = |rows: &[PerChannel<f64>], dof: usize| {
-        let place = Channel::POSES[dof];
-        let (low, high) = extent(rows.iter().map(|r| r[place]).filter(|v| v.is_finite()));
-        high - low > least[place]
+    let least = |dof: usize| match dof {
+        0..3 => tolerance.position_m,
+        _ => tolerance.attitude_rad,
+    };
+    let moves = |rows: &[[f64; 12]], dof: usize| {
+        let values = rows.iter().map(|r| r[dof]).filter(|v| v.is_finite());
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(v), h.max(v))
+        });
+        high - low > least(dof)
     };
     let of_run = measured.map_or(&[][..], |m| &m.motion[..]);
     let moving: Vec<usize> = (0..6)
@@ -90,16 +96,16 @@ fn shown(tolerance: &Tolerance, made: &Prediction, measured: Option<&Measured>) 
 
 /// Where the plan ends, or how well it fits what was measured.
 fn sentence(made: &Prediction, measured: Option<&Measured>, shown: &[usize]) -> String {
-    let amount = |channel: Channel, value: f64| {
-        let quantity = Quantity::of(channel.name());
+    let amount = |channel: usize, value: f64| {
+        let quantity = Quantity::of(CHANNELS[channel]);
         format!("{} {}", quantity.name, quantity.amount(value))
     };
     if let Some(measured) = measured {
         let channels = measured.channels.iter();
         let each: Vec<String> = channels
             .filter_map(|b| {
-                let c = Channel::named(b.channel).filter(|c| !c.is_rate())?;
-                shown.contains(&c.dof().index()).then(|| amount(c, b.rms))
+                let c = CHANNELS.iter().position(|name| *name == b.channel)?;
+                shown.contains(&c).then(|| amount(c, b.rms))
             })
             .collect();
         return format!(
@@ -111,17 +117,16 @@ fn sentence(made: &Prediction, measured: Option<&Measured>, shown: &[usize]) -> 
     let end_s = made.t_s.last().copied().unwrap_or(0.0);
     let each: Vec<String> = shown
         .iter()
-        .filter_map(|dof| {
-            let c = Channel::POSES[*dof];
-            let way = made.motion.last()?[c] - made.motion.first()?[c];
+        .filter_map(|c| {
+            let way = made.motion.last()?[*c] - made.motion.first()?[*c];
             let band = made.sd.last().map_or(String::new(), |sd| {
-                let quantity = Quantity::of(c.name());
+                let quantity = Quantity::of(CHANNELS[*c]);
                 format!(
                     " \u{b1} {} ({BAND_SD} sd)",
-                    quantity.amount(BAND_SD * sd[c])
+                    quantity.amount(BAND_SD * sd[*c])
                 )
             });
-            Some(format!("{}{band}", amount(c, way)))
+            Some(format!("{}{band}", amount(*c, way)))
         })
         .collect();
     format!(
@@ -154,17 +159,16 @@ fn residuals(b: &mut Body, measured: &Measured) {
 
 /// Pose, rate, residual and load of a DOF.
 fn panels(made: &Prediction, measured: Option<&Measured>, dof: usize) -> Vec<Panel> {
-    let [place, rate] = Channel::of(dof);
     let mut panels = vec![
-        motion(made, measured, place),
-        motion(made, measured, rate).height(LOW_PX),
+        motion(made, measured, dof),
+        motion(made, measured, dof + 6).height(LOW_PX),
     ];
-    if let Some(m) = measured.filter(|m| m.residual.iter().any(|r| r[place].is_finite())) {
-        let quantity = Quantity::of(place.name());
+    if let Some(m) = measured.filter(|m| m.residual.iter().any(|r| r[dof].is_finite())) {
+        let quantity = Quantity::of(CHANNELS[dof]);
         let left: Vec<f64> = m
             .residual
             .iter()
-            .map(|r| r[place] * quantity.factor)
+            .map(|r| r[dof] * quantity.factor)
             .collect();
         let panel = Panel::new(
             "measured - predicted",
@@ -172,7 +176,7 @@ fn panels(made: &Prediction, measured: Option<&Measured>, dof: usize) -> Vec<Pan
             Axis::new(quantity.with_unit("residual")),
         );
         let within = m.t_s.iter().zip(&m.sd).map(|(t, sd)| {
-            let half = BAND_SD * sd[place] * quantity.factor;
+            let half = BAND_SD * sd[dof] * quantity.factor;
             [*t, -half, half]
         });
         let panel = panel.height(LOW_PX).ribbon(
@@ -190,14 +194,14 @@ fn panels(made: &Prediction, measured: Option<&Measured>, dof: usize) -> Vec<Pan
 }
 
 /// A channel predicted, with its band, and measured.
-fn motion(made: &Prediction, measured: Option<&Measured>, channel: Channel) -> Panel {
-    let quantity = Quantity::of(channel.name());
-    let column = |rows: &[PerChannel<f64>]| -> Vec<f64> {
+fn motion(made: &Prediction, measured: Option<&Measured>, channel: usize) -> Panel {
+    let quantity = Quantity::of(CHANNELS[channel]);
+    let column = |rows: &[[f64; 12]]| -> Vec<f64> {
         rows.iter().map(|r| r[channel] * quantity.factor).collect()
     };
-    let title = match channel.is_rate() {
-        false => format!("{}: {}", channel.dof().name(), quantity.name),
-        true => quantity.name.to_owned(),
+    let title = match channel {
+        0..6 => format!("{}: {}", DOFS[channel], quantity.name),
+        _ => quantity.name.to_owned(),
     };
     let panel = Panel::new(title, Axis::time(), Axis::new(quantity.axis()));
     let mut panel = band(panel, made, channel, |k| made.motion[k][channel]);
@@ -212,11 +216,11 @@ fn motion(made: &Prediction, measured: Option<&Measured>, channel: Channel) -> P
 }
 
 /// Two sd of the prediction about `middle`, where there is a band.
-fn band(panel: Panel, made: &Prediction, channel: Channel, middle: impl Fn(usize) -> f64) -> Panel {
+fn band(panel: Panel, made: &Prediction, channel: usize, middle: impl Fn(usize) -> f64) -> Panel {
     if made.sd.is_empty() {
         return panel;
     }
-    let factor = Quantity::of(channel.name()).factor;
+    let factor = Quantity::of(CHANNELS[channel]).factor;
     let within = made
         .t_s
         .iter()
@@ -237,8 +241,8 @@ fn band(panel: Panel, made: &Prediction, channel: Channel, middle: impl Fn(usize
 mod tests {
     use super::super::predict;
     use super::*;
+    use crate::data::{Command, Run, Sample};
     use crate::predict::residuals::beside;
-    use hydroline_core::run::{Command, Run, Sample};
     use hydroline_rigs::Plan;
 
     #[test]

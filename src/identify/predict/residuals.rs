@@ -1,7 +1,7 @@
 //! A measured run beside its prediction: the log's time laid on the plan's, residuals and their rms.
 
 use super::Prediction;
-use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
+use crate::data::{CHANNELS, Command, Run, Sample};
 use hydroline_numerics::statistics::median;
 use serde::Serialize;
 
@@ -36,15 +36,15 @@ pub struct Measured {
     /// Since the prediction's start \[s\].
     #[serde(skip)]
     pub t_s: Vec<f64>,
-    /// Measured motion; NaN = not measured \[SI\].
+    /// In the order of [`CHANNELS`]; NaN = not measured \[SI\].
     #[serde(skip)]
-    pub motion: Vec<PerChannel<f64>>,
+    pub motion: Vec<[f64; 12]>,
     /// Measured minus predicted \[SI\].
     #[serde(skip)]
-    pub residual: Vec<PerChannel<f64>>,
+    pub residual: Vec<[f64; 12]>,
     /// sd of the residual: of the prediction, and of the sample as the log says it; NaN = neither is known \[SI\].
     #[serde(skip)]
-    pub sd: Vec<PerChannel<f64>>,
+    pub sd: Vec<[f64; 12]>,
     /// What is odd about the comparison, one sentence each.
     pub notes: Vec<String>,
 }
@@ -85,7 +85,7 @@ const START_S: f64 = 0.5;
 /// The pose at the plan's start as far as it is measured: median of what was measured before the first load, else the
 /// first sample of the plan.
 pub fn start_pose(run: &Run, first_load_s: f64) -> [Option<f64>; 6] {
-    Channel::POSES.map(|c| {
+    std::array::from_fn(|c| {
         let values = |until_s: f64| {
             let samples = run.samples.iter().take_while(move |s| s.t_s <= until_s);
             samples.map(|s| s.values[c]).filter(|v| v.is_finite())
@@ -99,7 +99,7 @@ impl Measured {
     /// How far the start that was taken from one or a few samples is off: median residual shortly after the first
     /// load. Nothing where the start was measured before it.
     pub fn start_off(&self, first_load_s: f64) -> [f64; 6] {
-        Channel::POSES.map(|c| {
+        std::array::from_fn(|c| {
             let until = |until_s: f64| {
                 let rows = self.t_s.iter().zip(&self.residual);
                 let rows = rows.take_while(move |(t, _)| **t <= until_s);
@@ -134,7 +134,7 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
         let t_s = sample.t_s - start_s;
         if let Some(at) = place(&made.t_s, t_s) {
             let predicted = between(&made.motion, at);
-            let left = PerChannel::from_fn(|c| sample.values[c] - predicted[c]);
+            let left = std::array::from_fn(|c| sample.values[c] - predicted[c]);
             found.t_s.push(t_s);
             found.motion.push(sample.values);
             found.residual.push(left);
@@ -151,22 +151,26 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
             last_s: run.end_s(),
         });
     }
-    let channels = Channel::ALL.into_iter();
-    found.channels = channels.filter_map(|c| channel(&found, c)).collect();
+    found.channels = (0..CHANNELS.len())
+        .filter_map(|c| channel(&found, c))
+        .collect();
     Ok(found)
 }
 
 /// sd of a residual from the prediction's and the sample's own, which are independent.
-fn sd(sample: &Sample, band: Option<PerChannel<f64>>) -> PerChannel<f64> {
-    PerChannel::from_fn(|c| {
-        let logged = sample.variance(c).filter(|v| v.is_finite());
-        let parts = [band.map(|sd| sd[c] * sd[c]), logged];
+fn sd(sample: &Sample, band: Option<[f64; 12]>) -> [f64; 12] {
+    let logged = |c: usize| {
+        let covariance = sample.covariance.as_deref().filter(|_| c < 6)?;
+        Some(covariance[7 * c]).filter(|v| v.is_finite())
+    };
+    std::array::from_fn(|c| {
+        let parts = [band.map(|sd| sd[c] * sd[c]), logged(c)];
         let variance = parts.into_iter().flatten().reduce(|a, b| a + b);
         variance.map_or(f64::NAN, f64::sqrt)
     })
 }
 
-fn channel(found: &Measured, c: Channel) -> Option<Beside> {
+fn channel(found: &Measured, c: usize) -> Option<Beside> {
     let all = found.t_s.iter().zip(&found.residual);
     let left: Vec<(f64, f64)> = all
         .map(|(t, row)| (*t, row[c]))
@@ -185,7 +189,7 @@ fn channel(found: &Measured, c: Channel) -> Option<Beside> {
         .collect();
     let within = known.iter().filter(|within| **within).count();
     Some(Beside {
-        channel: c.name(),
+        channel: CHANNELS[c],
         samples,
         rms: (square / samples as f64).sqrt(),
         largest: largest.abs(),
@@ -207,9 +211,9 @@ fn place(times_s: &[f64], t_s: f64) -> Option<(usize, f64)> {
     }
 }
 
-fn between(rows: &[PerChannel<f64>], (row, part): (usize, f64)) -> PerChannel<f64> {
+fn between(rows: &[[f64; 12]], (row, part): (usize, f64)) -> [f64; 12] {
     let next = rows.get(row + 1).unwrap_or(&rows[row]);
-    PerChannel::from_fn(|c| rows[row][c] + part * (next[c] - rows[row][c]))
+    std::array::from_fn(|c| rows[row][c] + part * (next[c] - rows[row][c]))
 }
 
 impl Measured {
@@ -252,9 +256,9 @@ mod tests {
 
     /// One metre per second from rest in x, sampled every second for ten.
     fn made() -> Prediction {
-        let row = |x: f64| PerChannel::from_fn(|c| if c == Channel::X { x } else { 0.0 });
+        let row = |x: f64| std::array::from_fn(|c| if c == 0 { x } else { 0.0 });
         Prediction {
-            channels: PerChannel::from_fn(Channel::name),
+            channels: CHANNELS,
             t_s: (0..=10).map(f64::from).collect(),
             motion: (0..=10).map(|k| row(f64::from(k))).collect(),
             sd: vec![row(0.1); 11],
@@ -271,13 +275,7 @@ mod tests {
     fn run(load: f64) -> Run {
         let sample = |t_s: f64| Sample {
             t_s,
-            values: PerChannel::from_fn(|c| {
-                if c == Channel::X {
-                    t_s - 3.0 + 0.3
-                } else {
-                    f64::NAN
-                }
-            }),
+            values: std::array::from_fn(|c| if c == 0 { t_s - 3.0 + 0.3 } else { f64::NAN }),
             covariance: None,
         };
         Run {
@@ -321,12 +319,12 @@ mod tests {
         covariance[0] = 16.0;
         let sample = Sample {
             t_s: 0.0,
-            values: PerChannel::splat(0.0),
+            values: [0.0; 12],
             covariance: Some(Box::new(covariance)),
         };
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[0], 5.0);
+        assert_eq!(sd(&sample, Some([3.0; 12]))[0], 5.0);
         assert_eq!(sd(&sample, None)[0], 4.0);
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[6], 3.0);
+        assert_eq!(sd(&sample, Some([3.0; 12]))[6], 3.0);
         assert!(sd(&sample, None)[6].is_nan());
     }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::{Finding, FindingList, Options, name, quantile};
+use super::{Finding, Options, name, quantile};
 use crate::table::Imported;
 
 /// Between which values a channel lies.
@@ -36,17 +36,22 @@ impl Extent {
     pub fn report(&self, place: usize, findings: &mut Vec<Finding>) -> bool {
         let name = name(place);
         if self.count == 0 {
-            findings.fault("empty_channel", format!("{name}: no usable value"));
+            findings.push(Finding::fault(
+                "empty_channel",
+                None,
+                format!("{name}: no usable value"),
+            ));
             return true;
         }
         if self.low == self.high {
-            findings.warning(
+            findings.push(Finding::warning(
                 "dead_channel",
+                None,
                 format!(
                     "{name}: always {}; a dead channel? Leave it out of the map if so",
                     self.low
                 ),
-            );
+            ));
             return true;
         }
         false
@@ -73,14 +78,15 @@ pub(super) fn check(
             Finding::fault("units", None, words)
         });
     } else if place < 3 && extent.high - extent.low < 1e-5 {
-        findings.warning(
+        findings.push(Finding::warning(
             "units",
+            None,
             format!(
                 "{}: moves by {:.1e} m in all: metres mapped as mm?",
                 name(place),
                 extent.high - extent.low
             ),
-        );
+        ));
     }
 }
 
@@ -99,7 +105,7 @@ fn stuck(place: usize, values: &[f64], data: &Imported, rows: usize, findings: &
         }
     }
     if longest >= rows && changes > 0.5 && data.times_s[at + longest] - data.times_s[at] > 1.0 {
-        findings.warning_at(
+        findings.push(Finding::warning(
             "stuck_channel",
             data.lines.get(at).copied(),
             format!(
@@ -109,7 +115,7 @@ fn stuck(place: usize, values: &[f64], data: &Imported, rows: usize, findings: &
                 longest + 1,
                 data.lines[at]
             ),
-        );
+        ));
     }
 }
 

@@ -1,6 +1,6 @@
 //! Findings about the stamps of a table.
 
-use super::{Finding, FindingList, quantile};
+use super::{Finding, quantile};
 
 /// What came by so far.
 #[derive(Debug, Default)]
@@ -91,13 +91,14 @@ impl Clocks {
     /// Whether time advances at all.
     pub fn report(&self, findings: &mut Vec<Finding>) -> bool {
         let Some(interval_s) = self.interval_s else {
-            findings.fault(
+            findings.push(Finding::fault(
                 "time_stands",
+                None,
                 "time never advances; is time.column right?".to_owned(),
-            );
+            ));
             return false;
         };
-        findings.info(
+        findings.push(Finding::info(
             "rate",
             format!(
                 "{} rows, {:.3} s, every {:.4} s ({:.2}/s)",
@@ -106,15 +107,20 @@ impl Clocks {
                 interval_s,
                 1.0 / interval_s
             ),
-        );
+        ));
         if !(1e-4..=10.0).contains(&interval_s) {
-            findings.fault(
+            findings.push(Finding::fault(
                 "time_unit",
+                None,
                 format!("rows are {interval_s:.3e} s apart; is time.unit right?"),
-            );
+            ));
         }
         if let Some((line, hours)) = self.zone {
-            findings.fault_at("time_zone_jump", Some(line), format!("time jumps by {hours:+.1} h on line {line}: time zones or daylight saving mixed?"));
+            findings.push(Finding::fault(
+                "time_zone_jump",
+                Some(line),
+                format!("time jumps by {hours:+.1} h on line {line}: time zones or daylight saving mixed?"),
+            ));
         }
         self.order(findings);
         let Counted {
@@ -123,22 +129,23 @@ impl Clocks {
             step_s,
         } = self.gaps;
         if count > 0 {
-            findings.warning_at(
+            findings.push(Finding::warning(
                 "gaps",
                 Some(line),
                 format!(
                     "{count} gap(s), about {:.0} row(s) missing, the longest {step_s:.3} s, the first before line {line}",
-                    self.missing,
+                    self.missing
                 ),
-            );
+            ));
         }
         if let Some((head, tail)) = self.ends_s
             && (tail / head - 1.0).abs() > 0.1
         {
-            findings.warning(
+            findings.push(Finding::warning(
                 "rate_changes",
+                None,
                 format!("rows are {head:.4} s apart at the start and {tail:.4} s at the end"),
-            );
+            ));
         }
         true
     }
@@ -168,13 +175,13 @@ impl Clocks {
                     "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}"
                 )
             });
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "time_backwards",
                 Some(line),
                 format!(
                     "time goes back {count} time(s), first by {step_s:.4} s on line {line}{hint}"
                 ),
-            );
+            ));
         }
         let Counted { count, line, .. } = self.repeated;
         if count > 0 {
@@ -183,11 +190,11 @@ impl Clocks {
             } else {
                 ""
             };
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "repeated_stamps",
                 Some(line),
                 format!("{count} stamp(s) repeat the one before, the first on line {line}{hint}"),
-            );
+            ));
         }
     }
 

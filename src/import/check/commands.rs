@@ -2,8 +2,8 @@
 
 use hydroline_rigs::{Dof, Rig};
 
+use super::Finding;
 use super::channel::Extent;
-use super::{Finding, FindingList};
 use crate::map::{CommandMap, Map, Origin};
 use crate::table::Imported;
 use hydroline_identify::data::capacity;
@@ -48,13 +48,14 @@ impl Loads {
     pub fn report(&self, map: &Map, rig: Option<&Rig>, findings: &mut Vec<Finding>) {
         for (i, c) in map.commands.iter().enumerate() {
             if map.commands[..i].iter().any(|o| o.thruster == c.thruster) {
-                findings.fault(
+                findings.push(Finding::fault(
                     "duplicate_thruster",
+                    None,
                     format!(
                         "command {}: more than one column is mapped to it; the last would overrule the others at every stamp",
-                        c.thruster,
+                        c.thruster
                     ),
-                );
+                ));
             }
             self.alone(i, c, findings);
             if let Some(rig) = rig {
@@ -62,11 +63,11 @@ impl Loads {
             }
         }
         if rig.is_none() && !map.commands.is_empty() {
-            findings.info(
+            findings.push(Finding::info(
                 "commands_unchecked",
                 "names and sizes of the commands were not held against a rig; give --rig"
                     .to_owned(),
-            );
+            ));
         }
     }
 
@@ -80,10 +81,11 @@ impl Loads {
         } else {
             format!("always {low}, also in the first row: a constant load, or a dead column")
         };
-        findings.warning(
+        findings.push(Finding::warning(
             "dead_command",
+            None,
             format!("command {} ({}): {words}", c.thruster, c.origin.words()),
-        );
+        ));
     }
 
     fn against(&self, i: usize, c: &CommandMap, rig: &Rig, findings: &mut Vec<Finding>) {
@@ -95,30 +97,31 @@ impl Loads {
                 .map(|t| t.name.as_str())
                 .chain(Dof::ALL.map(Dof::name))
                 .collect();
-            findings.fault(
+            findings.push(Finding::fault(
                 "unknown_thruster",
+                None,
                 format!(
                     "command {}: no thruster of the rig {} and no component; there are {}",
                     c.thruster,
                     rig.name,
                     known.join(", ")
                 ),
-            );
+            ));
             return;
         };
         let (largest, line) = self.largest[i];
         let component = Dof::ALL.iter().any(|d| d.name() == c.thruster);
         let absurd = if component { ABSURD_TOGETHER } else { ABSURD };
         if limit > 0.0 && largest >= absurd * limit {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "command_size",
                 line,
                 format!(
                     "command {}: reaches {largest:.4}, {:.0} times the most the rig can make ({limit:.4}): millinewtons or pulses mapped as newtons? unit of the map",
                     c.thruster,
-                    largest / limit,
+                    largest / limit
                 ),
-            );
+            ));
         }
     }
 }

@@ -7,7 +7,7 @@ mod tracks;
 
 use std::f64::consts::PI;
 
-use super::{Finding, FindingList, Options, name};
+use super::{Finding, Options, name};
 use crate::table::Imported;
 use agreement::{Agreement, Verdict};
 use hydroline_identify::data::unwrap_turns;
@@ -225,13 +225,13 @@ fn wraps(data: &Imported, findings: &mut Vec<Finding>) -> Vec<Vec<f64>> {
     for (c, angle) in pose.iter_mut().enumerate().skip(3) {
         let jumps = unwrap_turns(angle.iter_mut());
         if jumps > 0 {
-            findings.info(
+            findings.push(Finding::info(
                 "angle_wraps",
                 format!(
                     "{}: {jumps} jump(s) of a whole turn; the log keeps them, rates are compared with the angle continued without them",
-                    name(c),
+                    name(c)
                 ),
-            );
+            ));
         }
     }
     pose
@@ -307,13 +307,14 @@ fn frame(
         if seen.own > options.away_share * seen.way
             && seen.way.max(seen.own) > options.compared_speed_mps.powi(2)
         {
-            findings.warning(
+            findings.push(Finding::warning(
                 "kinematics",
+                None,
                 format!(
                     "u_mps, v_mps: {:.0} % away from what the positions and the heading make: another frame, unit or heading?",
-                    share(seen.own),
+                    share(seen.own)
                 ),
-            );
+            ));
         }
         return false;
     }
@@ -322,13 +323,14 @@ fn frame(
     } else {
         ("body", "tank")
     };
-    findings.fault(
+    findings.push(Finding::fault(
         "velocity_frame",
+        None,
         format!(
             "u_mps, v_mps: the map says frame = \"{says}\", but they follow the positions as velocities in the {is}'s frame do (residual {:.0} % instead of {:.0} %): frame = \"{is}\"?",
             share(seen.other),
-            share(seen.own),
+            share(seen.own)
         ),
-    );
+    ));
     true
 }

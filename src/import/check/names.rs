@@ -1,8 +1,8 @@
 //! Columns named like another channel than the one they are mapped to.
 
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
 
-use super::{Finding, FindingList, name as name_of};
+use super::{Finding, name as name_of};
 use crate::map::{Column, Map, Origin, PLACES};
 
 /// A column named like another channel than the one it is mapped to.
@@ -21,17 +21,18 @@ pub(super) fn check(map: &Map, findings: &mut Vec<Finding>) {
         let known = PLAIN
             .iter()
             .position(|p| *p == name)
-            .or_else(|| Channel::named(&name).map(Channel::index));
+            .or_else(|| CHANNELS.iter().position(|c| *c == name));
         let known = known.or_else(|| WORDS.iter().find(|(w, _)| *w == name).map(|w| w.1));
         if let Some(known) = known.filter(|k| *k != place) {
-            findings.warning(
+            findings.push(Finding::warning(
                 "column_name",
+                None,
                 format!(
                     "column '{column}' is mapped to {} though it is named like {}",
                     name_of(place),
-                    name_of(known)
+                    CHANNELS[known]
                 ),
-            );
+            ));
         }
     }
 }
@@ -48,12 +49,13 @@ pub(super) fn sds(map: &Map, findings: &mut Vec<Finding>) {
     }
     if !ignored.is_empty() {
         let names: Vec<&str> = ignored.into_iter().map(name_of).collect();
-        findings.warning(
+        findings.push(Finding::warning(
             "sd_ignored",
+            None,
             format!(
                 "sd of {}: not written, a log holds the covariance of all six pose channels or none; identify estimates the noise from a run at rest or the residuals",
-                names.join(", "),
+                names.join(", ")
             ),
-        );
+        ));
     }
 }

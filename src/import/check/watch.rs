@@ -8,7 +8,7 @@ use super::channel::{self, Extent};
 use super::clocks::Clocks;
 use super::commands::Loads;
 use super::drift::Drift;
-use super::{Finding, FindingList, Options, Severity, jumps, kinematics, name, names, too_short};
+use super::{Finding, Options, Severity, jumps, kinematics, name, names, too_short};
 use crate::map::{Map, Origin, PLACES};
 use crate::table::{Imported, Sample};
 
@@ -233,10 +233,10 @@ impl<'a> Watch<'a> {
         }
         if !self.map.has_motion() {
             advances = true;
-            findings.info(
+            findings.push(Finding::info(
                 "no_motion",
                 "the map names no channel of motion: a log of commands alone".to_owned(),
-            );
+            ));
         }
         if advances {
             self.drift.report(&mut findings);

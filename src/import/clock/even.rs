@@ -1,6 +1,6 @@
 //! Rounded stamps put back to the rate at which rows were taken.
 
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 
 /// The coarsest power of ten of nanoseconds that all stamps are multiples of.
 pub(crate) fn granularity(stamps_ns: &[i128]) -> i128 {
@@ -86,27 +86,26 @@ impl EvenRows {
         let span_s = (self.last_stamp_ns - self.first_stamp_ns) as f64 * 1e-9;
         let counted_hz = (self.rows.saturating_sub(1)) as f64 / span_s;
         if self.behind.0 > 0 {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "rate_hz",
                 Some(self.behind.1),
                 format!(
                     "rate_hz is {rate_hz}, but {} stamp(s) lie behind it, the first on line {}: there are {counted_hz:.3} rows per second",
-                    self.behind.0,
-                    self.behind.1,
+                    self.behind.0, self.behind.1
                 ),
-            );
+            ));
             return;
         }
         // Many small gaps, evenly: the rate is another.
         if self.gap_count > 10 && self.missing <= 3 * self.gap_count as i64 {
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "rate_hz",
                 self.gaps.first().map(|g| g.0),
                 format!(
                     "rate_hz is {rate_hz}, but the stamps run ahead of it {} times: there are {counted_hz:.3} rows per second",
-                    self.gap_count,
+                    self.gap_count
                 ),
-            );
+            ));
             return;
         }
         let gaps: Vec<String> = self
@@ -119,14 +118,14 @@ impl EvenRows {
         } else {
             format!("rows missing: {}", gaps.join(", "))
         };
-        findings.info(
+        findings.push(Finding::info(
             "even_rows",
             format!(
                 "stamps are rounded to {:.3e} s; times are made of rate_hz = {rate_hz}, at most {:.3e} s from them; {gaps}",
                 self.granularity_ns * 1e-9,
-                self.farthest_ns * 1e-9,
+                self.farthest_ns * 1e-9
             ),
-        );
+        ));
     }
 }
 

@@ -50,27 +50,92 @@ use Meaning::{
 };
 
 /// How far from the truth a value may be, or how it was come by: never the value itself.
-const UNCERTAINTY: &str = "cov covar covariance covariances var variance std stddev stdev sd sigma uncertainty residual error err \
-    rms";
+const UNCERTAINTY: [&str; 16] = [
+    "cov",
+    "covar",
+    "covariance",
+    "covariances",
+    "var",
+    "variance",
+    "std",
+    "stddev",
+    "stdev",
+    "sd",
+    "sigma",
+    "uncertainty",
+    "residual",
+    "error",
+    "err",
+    "rms",
+];
 /// Behind a name: that it is the measured one.
-const MEASURED: &str = "meas measured ist act actual filt filtered raw est estimated true gt";
+const MEASURED: [&str; 12] = [
+    "meas",
+    "measured",
+    "ist",
+    "act",
+    "actual",
+    "filt",
+    "filtered",
+    "raw",
+    "est",
+    "estimated",
+    "true",
+    "gt",
+];
 /// Words for what somebody wished the value to be; of a load that is the command.
-const WISHED: &str = "setpoint sp desired des target tgt goal ref reference wanted demand demanded commanded nominal soll \
-    sollwert consigne";
+const WISHED: [&str; 17] = [
+    "setpoint",
+    "sp",
+    "desired",
+    "des",
+    "target",
+    "tgt",
+    "goal",
+    "ref",
+    "reference",
+    "wanted",
+    "demand",
+    "demanded",
+    "commanded",
+    "nominal",
+    "soll",
+    "sollwert",
+    "consigne",
+];
 
 /// Other values that stand beside motion; roll, pitch and yaw may have such a word as the name of what they are of.
-const BESIDE: &str = "status flag quality acc accel accelerometer acceleration accelerations mag magnetometer temperature temp \
-    voltage pressure bias gain comment seq sequence sub rot marker_quality count valid";
-
-/// Whether a word stands in a list of words with blanks between them.
-fn listed(list: &str, word: &str) -> bool {
-    list.split(' ').any(|w| w == word)
-}
+const BESIDE: [&str; 24] = [
+    "status",
+    "flag",
+    "quality",
+    "acc",
+    "accel",
+    "accelerometer",
+    "acceleration",
+    "accelerations",
+    "mag",
+    "magnetometer",
+    "temperature",
+    "temp",
+    "voltage",
+    "pressure",
+    "bias",
+    "gain",
+    "comment",
+    "seq",
+    "sequence",
+    "sub",
+    "rot",
+    "marker_quality",
+    "count",
+    "valid",
+];
 
 /// The meaning of a name below a group's.
 pub(super) fn meaning(name: &str, group: &str) -> Meaning {
     let mut own = Words::of(name).words;
-    let says_how = |w: &String| listed(MEASURED, w) || listed(WISHED, w);
+    let says_how = |w: &String| MEASURED.contains(&w.as_str()) || WISHED.contains(&w.as_str());
     while own.len() > 1 && own.last().is_some_and(&says_how) {
         own.pop();
     }
@@ -78,15 +143,15 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
     let Some(last) = own.last().map(String::as_str) else {
         return Unknown;
     };
-    let has = |list: &str| own.iter().chain(&above).any(|w| listed(list, w));
+    let has = |list: &[&str]| own.iter().chain(&above).any(|w| list.contains(&w.as_str()));
     let alone = own.len() == 1;
     // An element of a matrix has its number behind.
     let bare = |w: &str| w.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
     let uncertain = own
         .iter()
         .chain(&above)
-        .any(|w| listed(UNCERTAINTY, &bare(w)));
-    if uncertain || (has(BESIDE) && !matches!(last, "roll" | "pitch" | "yaw")) {
+        .any(|w| UNCERTAINTY.contains(&bare(w).as_str()));
+    if uncertain || (has(&BESIDE) && !matches!(last, "roll" | "pitch" | "yaw")) {
         return Aside;
     }
     if let Some(time) = of_time(&own, last, alone) {
@@ -101,22 +166,33 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
     if let Some(q) = quaternion(last, &has, letter) {
         return q;
     }
-    let moves = has("velocity vel velocities linear twist speed v");
-    let turns = has("angular gyro gyroscope omega gyr");
-    let loads = has("cmd command commands force thrust tau wrench torque load moment");
-    let rotates = has("angle angles euler rotation rotations");
+    let moves = has(&[
+        "velocity",
+        "vel",
+        "velocities",
+        "linear",
+        "twist",
+        "speed",
+        "v",
+    ]);
+    let turns = has(&["angular", "gyro", "gyroscope", "omega", "gyr"]);
+    let loads = has(&[
+        "cmd", "command", "commands", "force", "thrust", "tau", "wrench", "torque", "load",
+        "moment",
+    ]);
+    let rotates = has(&["angle", "angles", "euler", "rotation", "rotations"]);
     if let Some(axis) = axis {
         return match letter {
             Some("a" | "b") => Aside,
             Some("w") => Channel(9 + axis),
             // A force: `v` is no velocity but part of a thruster's name (`thrust_v_aft_port_n` of `export --merged`).
-            Some("v") if has("thrust force") => Unknown,
+            Some("v") if has(&["thrust", "force"]) => Unknown,
             Some("v") => Velocity(6 + axis),
             Some("p" | "t") => Channel(axis),
             Some("f") => Load(axis),
             Some(other) if own.len() == 2 && other.chars().all(char::is_alphabetic) => Unknown,
             _ if turns => Channel(9 + axis),
-            _ if loads && has("torque moment") => Load(3 + axis),
+            _ if loads && has(&["torque", "moment"]) => Load(3 + axis),
             _ if loads => Load(axis),
             _ if moves => Velocity(6 + axis),
             _ if rotates => Angle(axis),
@@ -174,39 +250,48 @@ fn of_time(own: &[String], last: &str, alone: bool) -> Option<Meaning> {
     })
 }
 
-fn quaternion(last: &str, has: &dyn Fn(&str) -> bool, letter: Option<&str>) -> Option<Meaning> {
+fn quaternion(last: &str, has: &dyn Fn(&[&str]) -> bool, letter: Option<&str>) -> Option<Meaning> {
     let numbered = ["q0", "q1", "q2", "q3"].iter().position(|w| *w == last);
     let lettered = ["qw", "qx", "qy", "qz"].iter().position(|w| *w == last);
     if let Some(c) = numbered.or(lettered) {
         return Some(Quaternion(c));
     }
-    let rotated = has("orientation quaternion quat q rotation attitude") || letter == Some("q");
+    let rotated = has(&[
+        "orientation",
+        "quaternion",
+        "quat",
+        "q",
+        "rotation",
+        "attitude",
+    ]) || letter == Some("q");
     let c = ["w", "x", "y", "z"].iter().position(|w| *w == last)?;
-    (rotated && !has("angular velocity rate")).then_some(Quaternion(c))
+    (rotated && !has(&["angular", "velocity", "rate"])).then_some(Quaternion(c))
 }
 
 fn by_word(
     last: &str,
-    has: &dyn Fn(&str) -> bool,
+    has: &dyn Fn(&[&str]) -> bool,
     moves: bool,
     loads: bool,
     alone: bool,
 ) -> Meaning {
-    let rate = has("rate rates dot speed velocity vel gyro angular");
-    let dof = ["surge", "sway", "heave"].iter().position(|w| has(w));
-    let angle = ["roll phi", "pitch theta", "yaw psi"]
+    let rate = has(&[
+        "rate", "rates", "dot", "speed", "velocity", "vel", "gyro", "angular",
+    ]);
+    let dof = ["surge", "sway", "heave"].iter().position(|w| has(&[*w]));
+    let angle = [["roll", "phi"], ["pitch", "theta"], ["yaw", "psi"]]
         .iter()
-        .position(|w| has(w));
-    let heading = has("heading hdg").then_some(2);
+        .position(|names| has(&names[..]));
+    let heading = has(&["heading", "hdg"]).then_some(2);
     let companion = [
         ("rudder", "rudder_rad"),
         ("elevator", "elevator_rad"),
         ("shaft", "shaft_radps"),
         ("wave", "wave_m"),
     ];
-    if let Some((_, place)) = companion.iter().find(|(w, _)| has(w)) {
+    if let Some((_, place)) = companion.iter().find(|(w, _)| has(&[*w])) {
         // A shaft's torque is no speed.
-        return if has("torque moment force thrust") {
+        return if has(&["torque", "moment", "force", "thrust"]) {
             Unknown
         } else {
             Companion(place)
@@ -215,11 +300,11 @@ fn by_word(
     if last == "rpm" {
         return Companion("shaft_radps");
     }
-    if has("pwm pulse") {
+    if has(&["pwm", "pulse"]) {
         return Thruster;
     }
     match (dof, angle.or(heading)) {
-        (Some(d), _) if loads || has("cmd") => Load(d),
+        (Some(d), _) if loads || has(&["cmd"]) => Load(d),
         (Some(d), _) if moves => Channel(6 + d),
         (Some(d), _) => Channel(d),
         (None, Some(a)) if loads => Load(3 + a),
@@ -241,7 +326,18 @@ fn by_word(
                 Along(0)
             }
             "velocity" | "speed" | "vel" if alone => Along(6),
-            _ if has("thruster thrusters motor motors servo servos esc") => Thruster,
+            _ if has(&[
+                "thruster",
+                "thrusters",
+                "motor",
+                "motors",
+                "servo",
+                "servos",
+                "esc",
+            ]) =>
+            {
+                Thruster
+            }
             _ => Unknown,
         },
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use hydroline_core::run::{Channel, Run};
+use hydroline_identify::data::Run;
 use hydroline_numerics::information::Covariance;
 
 #[cfg(test)]
@@ -61,13 +61,14 @@ pub(super) fn ways(run: &Run) -> [Vec<f64>; 3] {
     let mut out: [Vec<f64>; 3] = Default::default();
     let mut way = [0.0; 3];
     let mut before: Option<([f64; 3], f64)> = None;
-    let measured: [bool; 3] = [Channel::X, Channel::Y, Channel::Z].map(|c| run.has(c));
+    let measured: [bool; 3] =
+        std::array::from_fn(|axis| run.samples.iter().any(|s| s.values[axis].is_finite()));
     // Rows of another topic hold no place, or no heading: the last one stands.
     let mut psi = 0.0;
     for s in &run.samples {
-        let place = [Channel::X, Channel::Y, Channel::Z].map(|c| s.values[c]);
-        if s.values[Channel::Psi].is_finite() {
-            psi = s.values[Channel::Psi];
+        let place = [s.values[0], s.values[1], s.values[2]];
+        if s.values[5].is_finite() {
+            psi = s.values[5];
         }
         if place
             .iter()
@@ -105,7 +106,7 @@ impl Problem {
         let times_s: Vec<f64> = motion.samples.iter().map(|s| s.t_s).collect();
         let loads: Vec<Loads> = (0..6)
             .map(|d| {
-                let of = |c: &hydroline_core::run::Command| (c.t_s, c.wrench[d]);
+                let of = |c: &hydroline_identify::data::Command| (c.t_s, c.wrench[d]);
                 commands.commands.iter().map(of).collect()
             })
             .collect();
@@ -118,20 +119,12 @@ impl Problem {
         let mut series = Vec::new();
         let mut dofs = Vec::new();
         for d in (0..6).filter(varies) {
-            let [place, rate] = Channel::of(d);
             let column =
-                |c: Channel| -> Vec<f64> { motion.samples.iter().map(|s| s.values[c]).collect() };
+                |c: usize| -> Vec<f64> { motion.samples.iter().map(|s| s.values[c]).collect() };
             let before = series.len();
             for (is_way, values) in [
-                (
-                    true,
-                    if d < 3 {
-                        ways[d].clone()
-                    } else {
-                        column(place)
-                    },
-                ),
-                (false, column(rate)),
+                (true, if d < 3 { ways[d].clone() } else { column(d) }),
+                (false, column(6 + d)),
             ] {
                 if values.iter().filter(|v| v.is_finite()).count() > 20 {
                     series.push(Series {

@@ -4,7 +4,7 @@ mod time;
 
 use std::fmt::Display;
 
-use hydroline_core::run::Channel;
+use hydroline_identify::data::CHANNELS;
 
 use super::raw::{RawChannel, RawColumn, RawCommand, RawFile, RawMap, RawQuaternion};
 use super::{
@@ -60,7 +60,7 @@ impl Checker<'_> {
                 "",
                 format!(
                     "name at least one channel: [motion.x_m] .. of {}, or a [[command]]; hydroline import --help shows a map",
-                    Channel::ALL.map(Channel::name).join(" ")
+                    CHANNELS.join(" ")
                 ),
             );
         }
@@ -335,7 +335,7 @@ impl Checker<'_> {
     fn channel(&self, name: &str, raw: RawChannel) -> Result<ChannelMap, MapError> {
         let key = format!("motion.{name}");
         let Some(place) = (0..PLACES).find(|p| place_name(*p) == name) else {
-            let mut all = Channel::ALL.map(Channel::name).to_vec();
+            let mut all = CHANNELS.to_vec();
             all.extend(COMPANIONS);
             return self.bad(&key, name, format!("channels are {}", all.join(" ")));
         };

@@ -2,7 +2,7 @@
 
 use super::contents::{Contents, TopicContents};
 use super::table::{LOG_TIME, STAMP};
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::map::{Column, Map, Missing, Origin, TimeSource};
 
 /// A field that the map names.
@@ -153,19 +153,24 @@ impl Columns {
             let name = match column {
                 Column::Name { name, nth: None } => name,
                 other => {
-                    findings.fault(
+                    findings.push(Finding::fault(
                         "column_missing",
+                        None,
                         format!(
                             "{key}: column {other}: fields of a log go by their names, TOPIC.FIELD"
                         ),
-                    );
+                    ));
                     continue;
                 }
             };
             if name == STAMP || name == LOG_TIME {
                 let is_ns = matches!(&map.time.source, TimeSource::Numbers(n) if n.len() == 1 && n[0].1 == 1);
                 if key == "time" && !is_ns {
-                    findings.fault("time_unit", format!("time.unit is '{}', but column '{name}' of a log is in ns: set unit = \"ns\"", map.time.unit));
+                    findings.push(Finding::fault(
+                        "time_unit",
+                        None,
+                        format!("time.unit is '{}', but column '{name}' of a log is in ns: set unit = \"ns\"", map.time.unit),
+                    ));
                 }
                 columns.has_stamp |= name == STAMP;
                 columns.has_log_time |= name == LOG_TIME;
@@ -186,7 +191,11 @@ impl Columns {
                     }
                 }
                 Err(words) => {
-                    findings.fault("column_missing", format!("{key}: {words}"));
+                    findings.push(Finding::fault(
+                        "column_missing",
+                        None,
+                        format!("{key}: {words}"),
+                    ));
                 }
             }
         }

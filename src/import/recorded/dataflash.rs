@@ -1,12 +1,13 @@
 //! ArduPilot's DataFlash log: records whose formats stand in the log.
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::path::Path;
 
 use super::message::{Account, Leaves, Message, Number, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
-use super::window::{NO_RECORD, each_record};
+use super::window::Window;
 
 const HEAD: [u8; 2] = [0xa3, 0x95];
 const FORMAT_TYPE: u8 = 0x80;
@@ -188,28 +189,57 @@ fn usual_instance(format: &Format) -> Option<&str> {
 }
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let mut window = Window::new(File::open(path)?);
+    let mut account = Account::default();
     let mut learnt = Learnt::default();
     let mut leaves = Leaves::default();
-    each_record(path, |window, _, _| {
+    let mut broken = false;
+    loop {
+        let at = window.offset;
         let head = window.ahead(3)?;
-        let &[.., kind] = head else {
-            return Ok(Err(NO_RECORD));
-        };
+        if head.is_empty() {
+            break;
+        }
+        let kind = head.get(2).copied().unwrap_or(0);
+        let known = head.len() == 3 && head[..2] == HEAD;
         let length = match kind {
             FORMAT_TYPE => Some(FORMAT_BYTES),
             _ => learnt.formats.get(&kind).map(|f| f.bytes),
         };
-        let Some(length) = length.filter(|_| head.len() == 3 && head[..2] == HEAD) else {
-            return Ok(Err(NO_RECORD));
+        let record = match length.filter(|_| known) {
+            Some(length) => {
+                let record = window.ahead(length)?;
+                (record.len() == length).then(|| record.to_vec())
+            }
+            None => None,
         };
-        let record = window.ahead(length)?;
-        if record.len() < length || (kind == FORMAT_TYPE && !learnt.format(record)) {
-            return Ok(Err(|at| {
-                format!("the record at byte {at} is cut, or is no format")
-            }));
+        let sound = match &record {
+            Some(record) if kind == FORMAT_TYPE => learnt.format(record),
+            other => other.is_some(),
+        };
+        let Some(record) = record.filter(|_| sound) else {
+            // One place, however many bytes of it are none: the next record's head is looked for.
+            if !broken {
+                account.note("damaged records", at, || {
+                    if known && length.is_some() {
+                        format!("the record at byte {at} is cut, or is no format")
+                    } else {
+                        format!("at byte {at} begins no record")
+                    }
+                });
+            }
+            broken = true;
+            account.skipped_bytes += 1;
+            window.skip(1);
+            continue;
+        };
+        broken = false;
+        window.skip(record.len());
+        if kind == FORMAT_TYPE {
+            continue;
         }
-        let Some(format) = learnt.formats.get(&kind).filter(|_| kind != FORMAT_TYPE) else {
-            return Ok(Ok(length));
+        let Some(format) = learnt.formats.get(&kind) else {
+            continue;
         };
         let body = &record[3..];
         if matches!(format.name.as_str(), "UNIT" | "MULT" | "FMTU") {
@@ -217,11 +247,11 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             leaves.clear();
             packed::decode(&format.fields, body, &mut leaves);
             learnt.unit(&name, &leaves);
-        } else {
-            message(format, body, &mut leaves, sink)?;
+            continue;
         }
-        Ok(Ok(length))
-    })
+        message(format, body, &mut leaves, sink)?;
+    }
+    Ok(account)
 }
 
 fn message(

@@ -1,7 +1,5 @@
 //! Records whose fields stand at fixed places: DataFlash, MAVLink, ULog.
 
-use half::f16;
-
 use super::message::{Leaves, Number};
 
 /// What stands at a place, little endian.
@@ -66,6 +64,17 @@ fn fixed<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..at.checked_add(N)?)?.try_into().ok()
 }
 
+fn half(bits: u16) -> f64 {
+    let (sign, exponent, part) = (bits >> 15, (bits >> 10) & 31, f64::from(bits & 1023));
+    let size = match exponent {
+        0 => part * 2f64.powi(-24),
+        31 if part == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        e => (1.0 + part / 1024.0) * 2f64.powi(i32::from(e) - 15),
+    };
+    if sign == 1 { -size } else { size }
+}
+
 /// The number at a place; `None` = the record ends before it, or it is no number.
 pub(super) fn number(bytes: &[u8], at: usize, kind: Kind) -> Option<Number> {
     Some(match kind {
@@ -77,7 +86,7 @@ pub(super) fn number(bytes: &[u8], at: usize, kind: Kind) -> Option<Number> {
         Kind::I32 => Number::Int(i32::from_le_bytes(fixed(bytes, at)?).into()),
         Kind::U64 => Number::UInt(u64::from_le_bytes(fixed(bytes, at)?)),
         Kind::I64 => Number::Int(i64::from_le_bytes(fixed(bytes, at)?)),
-        Kind::F16 => Number::Float(f16::from_le_bytes(fixed(bytes, at)?).to_f64()),
+        Kind::F16 => Number::Float(half(u16::from_le_bytes(fixed(bytes, at)?))),
         Kind::F32 => Number::Float(f32::from_le_bytes(fixed(bytes, at)?).into()),
         Kind::F64 => Number::Float(f64::from_le_bytes(fixed(bytes, at)?)),
         Kind::Text(_) | Kind::Padding(_) => return None,
@@ -128,5 +137,24 @@ pub(super) fn decode(fields: &[Field], record: &[u8], leaves: &mut Leaves) {
         }
         leaves.leave(before);
         at += field.bytes();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_floats_are_those_of_the_standard() {
+        for (bits, value) in [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x3555, 0.333_251_953_125),
+            (0x0001, 5.960_464_477_539_063e-8),
+            (0x7bff, 65_504.0),
+        ] {
+            assert_eq!(half(bits), value, "{bits:04x}");
+        }
+        assert!(half(0x7e00).is_nan());
     }
 }

@@ -10,7 +10,7 @@ use std::io::{self, BufWriter, Write};
 use super::columns::Columns;
 use super::contents::TopicContents;
 use super::message::{Message, Number, Sink};
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::map::Missing;
 
 /// Topics that were recorded so far apart are still brought into order \[ns\].
@@ -187,13 +187,14 @@ impl<'a, W: Write> Writer<'a, W> {
         let mut stood_in: Vec<(&usize, &u64)> = self.stood_in.iter().collect();
         stood_in.sort();
         for (topic, count) in stood_in {
-            findings.warning(
+            findings.push(Finding::warning(
                 "no_stamp",
+                None,
                 format!(
                     "topic {}: {count} message(s) carry no stamp of their own: the time at which they were recorded stands in its place, and how long they were under way looks like a latency (all by that clock: time.column = \"{LOG_TIME}\")",
-                    self.topics[*topic].topic,
+                    self.topics[*topic].topic
                 ),
-            );
+            ));
         }
         // A table of one topic is read with the map's own words for what is empty.
         let several = self.columns.topics().len() > 1;
@@ -204,13 +205,14 @@ impl<'a, W: Write> Writer<'a, W> {
                 ("nan", w.not_finite, "hold no finite number"),
             ] {
                 if count > 0 && w.missing == Missing::Fault {
-                    findings.fault(
+                    findings.push(Finding::fault(
                         kind,
+                        None,
                         format!(
                             "column '{}': {count} message(s) of {topic} {what}; where that is no loss, the map says missing = \"skip\" or \"hold\" there",
-                            w.name,
+                            w.name
                         ),
-                    );
+                    ));
                 }
             }
         }

@@ -3,12 +3,13 @@
 //! The messages' fields stand in `mavlink.tsv` (`generate/mavlink.py`).
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::path::Path;
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
-use super::window::each_record;
+use super::window::Window;
 
 const TABLE: &str = include_str!("mavlink.tsv");
 const STAMP_BYTES: usize = 8;
@@ -144,10 +145,16 @@ pub(super) fn begins(head: &[u8]) -> bool {
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
     let known = table();
+    let mut window = Window::new(File::open(path)?);
+    let mut account = Account::default();
     let mut leaves = Leaves::default();
-    each_record(path, |window, account, _| {
+    let mut broken = false;
+    loop {
         let at = window.offset;
         let ahead = window.ahead(2 * PACKET_BYTES_MAX)?;
+        if ahead.is_empty() {
+            break;
+        }
         let found = packet(ahead, &known).filter(|p| match p.sound {
             Some(sound) => sound,
             // Without a checksum that can be held against it, what follows must look like a packet.
@@ -157,10 +164,18 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             }
         });
         let Some(packet) = found else {
-            return Ok(Err(|at| {
-                format!("at byte {at} begins no packet with the checksum it states")
-            }));
+            if !broken {
+                account.note("damaged records", at, || {
+                    format!("at byte {at} begins no packet with the checksum it states")
+                });
+            }
+            broken = true;
+            account.skipped_bytes += 1;
+            window.skip(1);
+            continue;
         };
+        broken = false;
+        let bytes = packet.bytes;
         match known.get(&packet.id) {
             None => account.note(
                 &format!("messages of MAVLink number {}", packet.id),
@@ -169,8 +184,9 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             ),
             Some(kind) => message(kind, &packet, &mut leaves, sink)?,
         }
-        Ok(Ok(packet.bytes))
-    })
+        window.skip(bytes);
+    }
+    Ok(account)
 }
 
 fn message(

@@ -1,12 +1,13 @@
 //! PX4's ULog: formats, subscriptions to topics, data.
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::path::Path;
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
-use super::window::{NO_RECORD, each_record};
+use super::window::Window;
 
 pub(super) const MAGIC: [u8; 7] = [0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35];
 const FILE_HEAD_BYTES: usize = 16;
@@ -183,14 +184,20 @@ fn plausible(ahead: &[u8], learnt: &Learnt) -> bool {
 }
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let mut window = Window::new(File::open(path)?);
+    let mut account = Account::default();
     let mut learnt = Learnt::default();
     let mut leaves = Leaves::default();
-    each_record(path, |window, account, broken| {
+    window.ahead(FILE_HEAD_BYTES)?;
+    window.skip(FILE_HEAD_BYTES);
+    let mut broken = false;
+    loop {
         let at = window.offset;
-        if at == 0 {
-            return Ok(Ok(FILE_HEAD_BYTES));
+        let head = window.ahead(HEAD_BYTES)?;
+        if head.is_empty() {
+            break;
         }
-        let length = match window.ahead(HEAD_BYTES)? {
+        let length = match head {
             [low, high, _] => usize::from(u16::from_le_bytes([*low, *high])),
             _ => 0,
         };
@@ -199,11 +206,22 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             let whole = ahead.len() >= HEAD_BYTES + length && length > 0;
             let kind = ahead.get(2).copied().unwrap_or(0);
             // A record whose follower is broken is sound itself as far as the file shows.
-            if broken || !whole || !is_type(kind) || !fits(ahead, &learnt) {
-                return Ok(Err(NO_RECORD));
+            let known = !broken && whole && is_type(kind) && fits(ahead, &learnt);
+            if !known {
+                if !broken {
+                    account.note("damaged records", at, || {
+                        format!("at byte {at} begins no record")
+                    });
+                }
+                broken = true;
+                account.skipped_bytes += 1;
+                window.skip(1);
+                continue;
             }
         }
-        let record = window.ahead(HEAD_BYTES + length)?;
+        broken = false;
+        let record = window.ahead(HEAD_BYTES + length)?.to_vec();
+        window.skip(record.len());
         let (kind, body) = (record[2], &record[HEAD_BYTES..]);
         match kind {
             b'F' => learnt.format(body),
@@ -223,8 +241,8 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             _ => Ok(()),
         }
         .unwrap_or_else(|reason| account.note("damaged records", at, || reason));
-        Ok(Ok(record.len()))
-    })
+    }
+    Ok(account)
 }
 
 /// Whether a record's own bytes hold together, whatever follows.

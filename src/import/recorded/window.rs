@@ -1,10 +1,6 @@
 //! Bytes of a file with a view ahead: records are looked at before they are taken.
 
-use std::fs::File;
 use std::io::{self, Read};
-use std::path::Path;
-
-use super::message::{Account, RecordedError};
 
 const READ_BYTES: usize = 1 << 18;
 
@@ -51,43 +47,4 @@ impl<R: Read> Window<R> {
         self.at += there;
         self.offset += there as u64;
     }
-}
-
-/// Why no record begins at a byte.
-pub(super) type Damage = fn(u64) -> String;
-
-/// The usual one.
-pub(super) const NO_RECORD: Damage = |at| format!("at byte {at} begins no record");
-
-/// Goes through a file record by record. `take` looks at what stands ahead and says how many bytes it was; where no record
-/// begins, the next byte is tried, and each such place is noted once. `take` is told whether the bytes before were none.
-pub(super) fn each_record(
-    path: &Path,
-    mut take: impl FnMut(
-        &mut Window<File>,
-        &mut Account,
-        bool,
-    ) -> Result<Result<usize, Damage>, RecordedError>,
-) -> Result<Account, RecordedError> {
-    let mut window = Window::new(File::open(path)?);
-    let mut account = Account::default();
-    let mut broken = false;
-    while !window.ahead(1)?.is_empty() {
-        let at = window.offset;
-        match take(&mut window, &mut account, broken)? {
-            Ok(bytes) => {
-                broken = false;
-                window.skip(bytes);
-            }
-            Err(damage) => {
-                if !broken {
-                    account.note("damaged records", at, || damage(at));
-                }
-                broken = true;
-                account.skipped_bytes += 1;
-                window.skip(1);
-            }
-        }
-    }
-    Ok(account)
 }

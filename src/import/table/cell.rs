@@ -3,7 +3,7 @@
 use super::{Columns, Sample};
 use crate::attitude::{euler, to_body};
 use crate::cells::Cells;
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::map::{FileMap, Map, Missing, Origin, PLACES, place_name};
 use crate::number::{BadCells, number, says_nothing, ungrouped};
 
@@ -249,7 +249,11 @@ impl<'a> Reader<'a> {
         self.bad.report(self.map, findings);
         let (count, line, length) = self.no_unit;
         if count > 0 {
-            findings.fault_at("quaternion", Some(line), format!("{count} quaternion(s) are none of rotation, the first on line {line} of length {length:.4}: a lost body, or other columns?"));
+            findings.push(Finding::fault(
+                "quaternion",
+                Some(line),
+                format!("{count} quaternion(s) are none of rotation, the first on line {line} of length {length:.4}: a lost body, or other columns?"),
+            ));
         }
         let (count, line) = self.not_rotated;
         if count > 0 {
@@ -257,21 +261,28 @@ impl<'a> Reader<'a> {
                 .filter(|p| self.map.missing(*p).is_some())
                 .map(place_name)
                 .collect();
-            findings.fault_at(
+            findings.push(Finding::fault(
                 "velocity_frame",
                 Some(line),
                 format!(
                     "{count} row(s) have velocities in the tank's frame and no {} to turn them by, the first on line {line}; missing = \"hold\" on the angles takes the last ones",
-                    names.join(", "),
+                    names.join(", ")
                 ),
-            );
+            ));
         }
         let (count, age_s) = self.rotated_by_last;
         if count > 0 {
-            findings.info("velocity_frame", format!("{count} row(s) with velocities in the tank's frame hold no angles: rotated by those of a row up to {age_s:.3} s before"));
+            findings.push(Finding::info(
+                "velocity_frame",
+                format!("{count} row(s) with velocities in the tank's frame hold no angles: rotated by those of a row up to {age_s:.3} s before"),
+            ));
         }
         if let Some((count, line, pulse_us, name)) = &self.beyond {
-            findings.fault_at("pulse_range", Some(*line), format!("command {name}: {count} pulse(s) beyond the rig's curve, the first on line {line}: {pulse_us} us; is it a pulse width, and the unit of the map right?"));
+            findings.push(Finding::fault(
+                "pulse_range",
+                Some(*line),
+                format!("command {name}: {count} pulse(s) beyond the rig's curve, the first on line {line}: {pulse_us} us; is it a pulse width, and the unit of the map right?"),
+            ));
         }
     }
 }

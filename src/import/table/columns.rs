@@ -2,7 +2,7 @@
 
 use hydroline_rigs::{Dof, Rig, ThrustCurve};
 
-use crate::check::{Finding, FindingList};
+use crate::check::Finding;
 use crate::layout::Layout;
 use crate::map::{
     ChannelMap, Column, CommandMap, Map, Origin, QuaternionMap, TimeSource, dimension, place_name,
@@ -86,11 +86,11 @@ impl<'a> Columns<'a> {
                     continue;
                 };
                 if stated.is_some_and(|f| (f * 1e9 / *unit_ns as f64 - 1.0).abs() > 1e-9) {
-                    findings.fault_at(
+                    findings.push(Finding::fault(
                         "units",
                         map.file.units_line,
                         format!("time: the file says '{text}', the map '{}'", map.time.unit),
-                    );
+                    ));
                 }
             }
         }
@@ -105,20 +105,24 @@ impl<'a> Columns<'a> {
                 Some(factor)
                     if !same(factor, of_map) && !same(factor, channel.factor.abs()) =>
                 {
-                    findings.fault_at(
+                    findings.push(Finding::fault(
                         "units",
                         map.file.units_line,
                         format!(
                             "{name}: the file says that {} is in '{text}', the map says '{}'",
                             channel.origin.words(),
-                            channel.unit,
+                            channel.unit
                         ),
-                    );
+                    ));
                 }
-                None => findings.warning_at("units", map.file.units_line, format!(
+                None => findings.push(Finding::warning(
+                    "units",
+                    map.file.units_line,
+                    format!(
                         "{name}: the file says that {} is in '{text}', which is no unit of this channel",
                         channel.origin.words()
-                    )),
+                    ),
+                )),
                 Some(_) => {}
             }
         }
@@ -135,17 +139,21 @@ impl<'a> Columns<'a> {
             .collect();
         let angles = (3..6).filter(|p| map.missing(*p).is_some()).count();
         if angles == 0 {
-            findings.fault("velocity_frame", "velocities in the tank's frame need the heading to turn them into the body's: map psi_rad (and phi_rad, theta_rad), or a [quaternion]".to_owned());
+            findings.push(Finding::fault(
+                "velocity_frame",
+                None,
+                "velocities in the tank's frame need the heading to turn them into the body's: map psi_rad (and phi_rad, theta_rad), or a [quaternion]".to_owned(),
+            ));
         } else {
             let rest = if missing.is_empty() {
                 String::new()
             } else {
                 format!("; {} are not in the map and taken as 0", missing.join(", "))
             };
-            findings.info(
+            findings.push(Finding::info(
                 "velocity_frame",
                 format!("velocities are rotated from the tank's frame into the body's{rest}"),
-            );
+            ));
         }
     }
 }
@@ -178,15 +186,20 @@ fn curve<'a>(
 ) -> Option<&'a ThrustCurve> {
     let name = &command.thruster;
     let Some(rig) = rig else {
-        findings.fault(
+        findings.push(Finding::fault(
             "pulse_without_rig",
+            None,
             format!("command {name}: a pulse width becomes thrust by the rig's curve: give --rig"),
-        );
+        ));
         return None;
     };
     let found = rig.thrusters.thrusters.iter().find(|t| t.name == *name);
     if found.is_none() && Dof::ALL.iter().any(|d| d.name() == name) {
-        findings.fault("pulse_of_component", format!("command {name}: a pulse width is one thruster's, not a component's: name the thruster"));
+        findings.push(Finding::fault(
+            "pulse_of_component",
+            None,
+            format!("command {name}: a pulse width is one thruster's, not a component's: name the thruster"),
+        ));
     }
     found.map(|t| &t.curve)
 }

@@ -1,8 +1,6 @@
 //! What a body is asked for: which numbers are free, what moves of itself, which effects are candidates.
 
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
-use hydroline_numerics::statistics::{extent, median};
 use hydroline_rigs::{Dof, Rig, VehicleModel};
 use hydroline_sim::Given;
 use hydroline_sim::effect::{CheckedEffect, EffectError, check};
@@ -33,7 +31,11 @@ const MARGIN: f64 = 0.08;
 
 /// Least and greatest of some numbers; `None` where they do not vary.
 fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
-    let (low, high) = extent(values.filter(|v| v.is_finite()));
+    let (low, high) = values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
     let more = MARGIN * (high - low);
     (high - low > VARIES * high.abs().max(low.abs())).then_some((low - more, high + more))
 }
@@ -42,23 +44,25 @@ fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
 fn ranges(recording: &Recording) -> Ranges {
     let runs = &recording.runs;
     let mut made: Ranges = [None; hydroline_sim::effect::covariate_table::COVARIATES.len()];
-    let measured = |c: Channel| range(runs.iter().flat_map(|r| r.seen(c)));
-    for [place, speed] in (0..6).map(Channel::of) {
-        made[place.index()] = measured(place);
-        made[speed.index()] = if recording.channels[speed] {
-            measured(speed)
+    for c in 0..6 {
+        made[c] = range(runs.iter().flat_map(|r| r.values.iter().map(move |v| v[c])));
+        made[6 + c] = if recording.channels[6 + c] {
+            range(
+                runs.iter()
+                    .flat_map(|r| r.values.iter().map(move |v| v[6 + c])),
+            )
         } else {
             let rates = runs.iter().flat_map(|r| {
                 let first = 0..r.times_s.len().saturating_sub(SPAN);
                 first.step_by(SPAN / 2).map(move |k| {
                     let (a, b) = (r.measured(k), r.measured(k + SPAN));
-                    (b[place] - a[place]) / (r.times_s[k + SPAN] - r.times_s[k]).max(1e-3)
+                    (b[c] - a[c]) / (r.times_s[k + SPAN] - r.times_s[k]).max(1e-3)
                 })
             });
             range(rates)
         };
     }
-    made[Channel::ALL.len()] = range(runs.iter().flat_map(|r| r.times_s.iter().copied()));
+    made[12] = range(runs.iter().flat_map(|r| r.times_s.iter().copied()));
     made
 }
 
@@ -94,9 +98,8 @@ impl Extents {
                 load = std::array::from_fn(|d| load[d].max(wrench[d].abs()));
             }
             for d in 0..6 {
-                let [place, speed] = Channel::of(d);
-                let step = |w: [&PerChannel<f64>; 2], t: [f64; 2]| {
-                    let rate = (w[1][place] - w[0][place]) / (t[1] - t[0]).max(1e-3);
+                let step = |w: [&[f64; 12]; 2], t: [f64; 2]| {
+                    let rate = (w[1][d] - w[0][d]) / (t[1] - t[0]).max(1e-3);
                     if rate.is_finite() { rate.abs() } else { 0.0 }
                 };
                 // A robust largest rate: over spans of ten samples noise does not count.
@@ -104,7 +107,7 @@ impl Extents {
                 for (v, t) in spans.filter(|(v, _)| v.len() == SPAN) {
                     let last = SPAN - 1;
                     rate[d] = rate[d].max(step([&v[0], &v[last]], [t[0], t[last]]));
-                    let own = v.iter().map(|v| v[speed].abs()).filter(|v| v.is_finite());
+                    let own = v.iter().map(|v| v[6 + d].abs()).filter(|v| v.is_finite());
                     rate[d] = own.fold(rate[d], f64::max);
                 }
             }
@@ -136,8 +139,8 @@ fn responses(h: &Hydrodynamics<f64>, rate: &[f64; 6]) -> ([Response; 6], f64) {
 /// How runs begin, and what of them is given.
 #[derive(Default)]
 struct Beginnings {
-    starts: Vec<Vec<Channel>>,
-    rest: Vec<PerChannel<f64>>,
+    starts: Vec<Vec<usize>>,
+    rest: Vec<[f64; 12]>,
     lines: Vec<Line>,
     inputs: Vec<Option<Given>>,
 }
@@ -154,13 +157,12 @@ impl Beginnings {
                 dofs.first().is_some_and(|d| *d > 1) || input.rates.iter().all(Option::is_none);
             made.inputs.push(Some(input).filter(|i| !i.is_empty()));
             match dofs {
-                [d] if !recording.channels[Channel::RATES[*d]] && line_stays => {
+                [d] if !recording.channels[6 + d] && line_stays => {
                     made.lines.push(line_of(r, *d, &at));
                     // The number that is free is the position along the line.
-                    let place = Channel::POSES[*d];
-                    let mut measured = (0..r.values.len()).map(|k| r.measured(k)[place]);
-                    at[place] = measured.find(|v| v.is_finite()).unwrap_or(0.0);
-                    made.starts.push(Channel::of(*d).to_vec());
+                    let mut measured = (0..r.values.len()).map(|k| r.measured(k)[*d]);
+                    at[*d] = measured.find(|v| v.is_finite()).unwrap_or(0.0);
+                    made.starts.push(vec![*d, 6 + d]);
                 }
                 _ => made.starts.push(free_at_start(recording, r, dofs)),
             }
@@ -189,37 +191,39 @@ impl Beginnings {
 }
 
 /// States of a run at its start: as first measured, and a DOF that does not move at its median.
-fn states_at_start(r: &Recorded, rig: &Rig, dofs: &[usize]) -> PerChannel<f64> {
-    let mut at = PerChannel::splat(0.0);
-    for (d, place) in Channel::POSES.into_iter().enumerate() {
-        at[place] = r.first(place).unwrap_or(rig.tank.start_pose[d]);
+fn states_at_start(r: &Recorded, rig: &Rig, dofs: &[usize]) -> [f64; 12] {
+    let mut at = [0.0; 12];
+    for d in 0..6 {
+        at[d] = r.first(d).unwrap_or(rig.tank.start_pose[d]);
         if !dofs.contains(&d) {
-            let mut seen: Vec<f64> = r.seen(place).collect();
-            at[place] = median(&mut seen).unwrap_or(at[place]);
+            let measured = r.values.iter().map(|v| v[d]);
+            let mut seen: Vec<f64> = measured.filter(|v| v.is_finite()).collect();
+            at[d] = hydroline_numerics::statistics::median(&mut seen).unwrap_or(at[d]);
         }
     }
     at
 }
 
 /// The line along which one DOF moves.
-fn line_of(r: &Recorded, dof: usize, at: &PerChannel<f64>) -> Line {
-    let mut rest = at.pose();
-    if dof < 2 {
-        rest[5] = r.heading.first().map_or(0.0, |(s, c)| s.atan2(*c));
-    }
+fn line_of(r: &Recorded, dof: usize, at: &[f64; 12]) -> Line {
+    let mut rest: [f64; 6] = std::array::from_fn(|c| at[c]);
+    rest[5] = match dof {
+        0 | 1 => r.heading.first().map_or(0.0, |(s, c)| s.atan2(*c)),
+        _ => at[5],
+    };
     Line { dof, rest }
 }
 
 /// States that are free at a run's start.
-fn free_at_start(recording: &Recording, r: &Recorded, dofs: &[usize]) -> Vec<Channel> {
-    let mut free: Vec<Channel> = dofs.iter().flat_map(|d| Channel::of(*d)).collect();
+fn free_at_start(recording: &Recording, r: &Recorded, dofs: &[usize]) -> Vec<usize> {
+    let mut free: Vec<usize> = dofs.iter().flat_map(|d| [*d, 6 + d]).collect();
     // Tank coordinates are where x and y are integrated: both are free where either body axis moves.
-    for c in [Channel::X, Channel::Y] {
+    for c in 0..2 {
         if dofs.iter().any(|d| *d < 2) && recording.channels[c] && !free.contains(&c) {
             free.push(c);
         }
     }
-    free.retain(|c| c.is_rate() || r.has(*c) || matches!(c, Channel::Phi | Channel::Theta));
+    free.retain(|c| *c >= 6 || r.first(*c).is_some() || matches!(c, 3 | 4));
     free.sort_unstable();
     free
 }

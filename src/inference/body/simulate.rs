@@ -1,11 +1,10 @@
 //! What instruments would have measured of a body, and its derivatives.
 
-use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term as CoefficientTerm;
 use hydroline_numerics::cancel;
 use hydroline_sim::effect::Trend;
 use hydroline_sim::model::{Model, ModelState};
-use hydroline_sim::single::{Feed, Line, Single};
+use hydroline_sim::single::{AsTheyAre, Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use hydroline_sim::{Dual, EffectStack, Real};
@@ -15,7 +14,7 @@ use super::{Body, Own, Simulated, WIDTHS};
 use crate::term::Kind;
 
 /// Channels per sample, and derivatives of each number of a pass.
-type Pass = (Vec<PerChannel<f64>>, Vec<Vec<PerChannel<f64>>>);
+type Pass = (Vec<[f64; 12]>, Vec<Vec<[f64; 12]>>);
 
 impl Body {
     fn model<T: Real>(&self, terms: &[usize], natural: &[T]) -> Option<Model<T>> {
@@ -85,18 +84,22 @@ impl Body {
         terms: &[usize],
         natural: &[T],
         starts: &[T],
-    ) -> Vec<PerChannel<T>> {
+    ) -> Vec<[T; 12]> {
         cancel::check();
         let r = &self.recording.runs[index];
         let Some(model) = self.model(terms, natural) else {
-            return vec![PerChannel::splat(T::from_f64(f64::NAN)); r.times_s.len()];
+            return vec![[T::from_f64(f64::NAN); 12]; r.times_s.len()];
         };
         if let (Some(line), [position, rate]) = (self.lines.get(index), starts) {
             return self.along(index, line, model, (*position, *rate));
         }
-        let mut state = ModelState::at_rest(self.rest[index].pose().map(T::from_f64));
+        let mut state =
+            ModelState::at_rest(std::array::from_fn(|c| T::from_f64(self.rest[index][c])));
         for (c, value) in self.starts[index].iter().zip(starts) {
-            *state.vehicle.channel(*c) = *value;
+            match c {
+                0..6 => state.vehicle.eta[*c] = *value,
+                _ => state.vehicle.nu[c - 6] = *value,
+            }
         }
         let course = Course {
             start_s: r.start_s,
@@ -119,7 +122,7 @@ impl Body {
         line: &Line,
         model: Model<T>,
         start: (T, T),
-    ) -> Vec<PerChannel<T>> {
+    ) -> Vec<[T; 12]> {
         let r = &self.recording.runs[index];
         let mut edges: Vec<(f64, f64)> = Vec::with_capacity(r.commands.len());
         for (t_s, wrench) in &r.commands {
@@ -136,16 +139,24 @@ impl Body {
             given: self.inputs[index].as_ref(),
         };
         let mut out = Vec::with_capacity(r.times_s.len());
-        Single::new(model.hydrodynamics, *line).run(&model.effects, &feed, start, |x| {
-            let mut state = PerChannel::splat(T::zero());
-            state[Channel::POSES[line.dof]] = x;
-            out.push(state);
-        });
+        let mut single = Single::new(model.hydrodynamics, *line);
+        single.run(
+            &model.effects,
+            &feed,
+            start,
+            &mut AsTheyAre,
+            |_| T::zero(),
+            |x| {
+                let mut state = [T::zero(); 12];
+                state[line.dof] = x;
+                out.push(state);
+            },
+        );
         out
     }
 
     /// Channels of one run at a point.
-    pub fn values(&self, index: usize, terms: &[usize], point: &[f64]) -> Vec<PerChannel<f64>> {
+    pub fn values(&self, index: usize, terms: &[usize], point: &[f64]) -> Vec<[f64; 12]> {
         let natural: Vec<f64> = self.natural(terms, point).iter().map(|v| v.0).collect();
         let places = self.start_places(terms);
         let (globals, starts) = (

@@ -58,7 +58,7 @@ impl Problem {
     /// other run has been is just what it is worse by.
     pub(super) fn is_worse(&self, form: &Rms, table: &Rms) -> bool {
         let size = |rms: &Rms| -> f64 {
-            let each = self.noises.channels.each();
+            let each = self.noises.channels.iter().enumerate();
             each.filter_map(|(c, noise)| {
                 let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
                 Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())

@@ -2,8 +2,7 @@ use super::*;
 use crate::fit::Effort;
 use crate::hyper::{Cell, Cells};
 use crate::prior::PriorTable;
-use crate::tests::fixtures::{Tank, entry};
-use hydroline_core::run::Channel;
+use crate::testing::{Tank, entry};
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::form::FORMS;
@@ -138,9 +137,8 @@ fn a_bump_is_written_down_and_three_are_not() {
     let (found, bump) = of(24);
     assert!(bump.stands && bump.none < 0.01, "{}", bump.none);
     assert_eq!(names(&found, &bump.forms[0]), ["bump", "none"]);
-    let (form, table) = bump.one_run_out.unwrap();
-    let [form, table] = [form, table].map(|rms| rms[Channel::X]);
-    assert!(form < table, "{form} {table}");
+    let (form, table) = bump.left_out.unwrap();
+    assert!(form[0] < table[0], "{} {}", form[0], table[0]);
     let (_, three) = of(11);
     assert!(!three.stands && three.none > 0.9, "{}", three.none);
 }
@@ -164,7 +162,7 @@ fn of_drawn_forces() {
             begun.elapsed().as_secs_f64(),
             one.none,
             one.stands,
-            one.one_run_out.map(|l| (l.0[Channel::X], l.1[Channel::X])),
+            one.left_out.map(|l| (l.0[0], l.1[0])),
         );
         let body = &found.problem.body;
         for f in &one.forms {
@@ -185,11 +183,9 @@ fn of_drawn_forces() {
         };
         let runs = hard.runs(2, seed);
         let over = found.problem.over(&runs, &tank.rig).unwrap();
-        let noise = over.noises.channels[Channel::X].unwrap().total_sd();
+        let noise = over.noises.channels[0].unwrap().total_sd();
         let miss = |f: &Fit| {
-            let out = over
-                .predict(f)
-                .map(|p| over.left_of(&p.values)[Channel::X] / noise);
+            let out = over.predict(f).map(|p| over.left_of(&p.values)[0] / noise);
             out.unwrap_or(f64::NAN)
         };
         let table = found.models.values().last().unwrap();

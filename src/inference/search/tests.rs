@@ -4,8 +4,7 @@ use super::*;
 use crate::posterior::Posterior;
 use crate::prior::PriorTable;
 use crate::recording::Recording;
-use crate::tests::fixtures::{Tank, entry};
-use hydroline_core::run::PerChannel;
+use crate::testing::{Tank, entry};
 use hydroline_rigs::{PhysicsEntry, Rig};
 use std::time::Instant;
 
@@ -162,8 +161,7 @@ fn report(problem: Problem, begun: Instant) {
     for d in &problem.body.dofs {
         println!(
             "   {d} {:?} {:?}",
-            problem.noises.channels[Channel::POSES[*d]],
-            problem.body.responses[*d]
+            problem.noises.channels[*d], problem.body.responses[*d]
         );
     }
     let found = search(problem, Options::default(), &|what| {
@@ -221,7 +219,7 @@ fn report(problem: Problem, begun: Instant) {
             best.covariance[(i, i)].sqrt()
         );
     }
-    let short = |r: PerChannel<f64>| -> Vec<String> {
+    let short = |r: [f64; 12]| -> Vec<String> {
         r.iter()
             .filter(|v| v.is_finite())
             .map(|v| format!("{v:.2e}"))
@@ -242,8 +240,8 @@ fn report(problem: Problem, begun: Instant) {
     for d in dofs {
         println!(
             "   noise {d} {:?} {:?}",
-            found.problem.noises.channels[Channel::POSES[*d]],
-            found.problem.noises.channels[Channel::RATES[*d]]
+            found.problem.noises.channels[*d],
+            found.problem.noises.channels[6 + *d]
         );
     }
 }

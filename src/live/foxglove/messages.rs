@@ -149,7 +149,16 @@ fn annotations(overlay: &Overlay, scale: f32, stamp_ns: u64) -> ImageAnnotations
 
 fn motion(pose: &Pose) -> VehicleMotion {
     let value = |i: usize| pose.channels.get(i).and_then(|c| c.value);
-    VehicleMotion::of_pose(ns(pose.at_s), std::array::from_fn(value))
+    VehicleMotion {
+        timestamp: Some(timestamp(ns(pose.at_s))),
+        x_m: value(0),
+        y_m: value(1),
+        z_m: value(2),
+        phi_rad: value(3),
+        theta_rad: value(4),
+        psi_rad: value(5),
+        ..VehicleMotion::default()
+    }
 }
 
 fn event(of: &Event) -> pb::Event {

@@ -12,8 +12,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Router};
 use bytes::Bytes;
-use hydroline_core::lock::Lock;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
 
@@ -157,7 +156,7 @@ impl Shared {
         else {
             return StatusCode::NO_CONTENT.into_response();
         };
-        let mut json = self.json.held();
+        let mut json = self.json.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = match &*json {
             Some((of, bytes)) if *of == number => bytes.clone(),
             _ => {

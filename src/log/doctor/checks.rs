@@ -1,6 +1,6 @@
 //! The checks, fed message by message.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::obeyed::Obeyed;
 use super::{Finding, Grade};
@@ -24,7 +24,7 @@ pub(super) struct Checks {
     pub(super) findings: Vec<Finding>,
     pub(super) suppressed: BTreeMap<&'static str, usize>,
     pub(super) topics: BTreeMap<String, u64>,
-    pub(super) schemas_checked: BTreeSet<u16>,
+    pub(super) schemas_checked: BTreeMap<u16, ()>,
     pub(super) last_log_ns: u64,
     pub(super) backward_steps: u64,
     pub(super) cut: bool,
@@ -90,18 +90,6 @@ impl Checks {
         });
     }
 
-    pub(super) fn note(&mut self, check: &'static str, message: String, next_step: &str) {
-        self.add(Grade::Note, check, None, message, next_step);
-    }
-
-    pub(super) fn warning(&mut self, check: &'static str, message: String, next_step: &str) {
-        self.add(Grade::Warning, check, None, message, next_step);
-    }
-
-    pub(super) fn error(&mut self, check: &'static str, message: String, next_step: &str) {
-        self.add(Grade::Error, check, None, message, next_step);
-    }
-
     /// Every message, whatever it is.
     pub fn message(&mut self, offset: u64, channel: &ChannelRecord, schema: &str, log_ns: u64) {
         *self.topics.entry(channel.topic.clone()).or_default() += 1;
@@ -109,31 +97,46 @@ impl Checks {
             self.backward_steps += 1;
         }
         self.last_log_ns = self.last_log_ns.max(log_ns);
-        if !self.schemas_checked.insert(channel.id) {
+        if self.schemas_checked.insert(channel.id, ()).is_some() {
             return;
         }
         let ours = Topic::ALL.into_iter().filter(|t| t.name() == channel.topic);
         let expected: Vec<&str> = ours.map(Topic::schema_name).collect();
         if channel.message_encoding == "protobuf" && schema.is_empty() {
             let message = format!("{} is protobuf without a schema", channel.topic);
-            let next = "write the FileDescriptorSet into the schema";
-            self.add(Grade::Warning, "schema", Some(offset), message, next);
+            self.add(
+                Grade::Warning,
+                "schema",
+                Some(offset),
+                message,
+                "write the FileDescriptorSet into the schema",
+            );
         } else if !expected.is_empty() && !expected.contains(&schema) {
             let message = format!(
                 "{} carries `{schema}`, hydroline reads {} there",
                 channel.topic,
                 expected.join(" or ")
             );
-            let next = "rename the topic or the schema; the messages are passed over";
-            self.add(Grade::Warning, "schema", Some(offset), message, next);
+            self.add(
+                Grade::Warning,
+                "schema",
+                Some(offset),
+                message,
+                "rename the topic or the schema; the messages are passed over",
+            );
         }
     }
 
     /// A message that its schema does not decode.
     pub fn undecodable(&mut self, offset: u64, topic: &str, schema: &str, reason: &str) {
         let message = format!("a message of {topic} ({schema}) does not decode: {reason}");
-        let next = "the writer is at fault; the message cannot be used";
-        self.add(Grade::Error, "decode", Some(offset), message, next);
+        self.add(
+            Grade::Error,
+            "decode",
+            Some(offset),
+            message,
+            "the writer is at fault; the message cannot be used",
+        );
     }
 
     /// Damaged bytes.

@@ -71,13 +71,18 @@ impl Checks {
         }
         for (kind, n) in errors {
             let message = format!("the daemon reported {n} x `{kind}`");
-            let next = "`hydroline export` lists the events with their times";
-            self.warning("event", message, next);
+            self.add(
+                Grade::Warning,
+                "event",
+                None,
+                message,
+                "`hydroline export` lists the events with their times",
+            );
         }
         self.obeyed();
         if let Some(words) = self.clipping.words() {
             let next = "a rig with the channel, or a shorter exposure; `hydroline replay --rig` reads these frames by it";
-            self.note("clipping", words, next);
+            self.add(Grade::Note, "clipping", None, words, next);
         }
         let warnings = std::mem::take(&mut self.warning_events);
         if !warnings.is_empty() {
@@ -85,8 +90,10 @@ impl Checks {
                 .iter()
                 .map(|(k, n)| format!("{n} x `{k}`"))
                 .collect();
-            self.note(
+            self.add(
+                Grade::Note,
                 "event",
+                None,
                 format!("the daemon warned of {}", counted.join(", ")),
                 "`hydroline export` lists the events with their times",
             );
@@ -95,8 +102,13 @@ impl Checks {
             for name in ["rig", "calibration", "session"] {
                 if !learnt.head_metadata.iter().any(|n| n == name) {
                     let message = format!("metadata `{name}` does not stand at the head");
-                    let next = "name the rig with --rig when you use this log";
-                    self.warning("head", message, next);
+                    self.add(
+                        Grade::Warning,
+                        "head",
+                        None,
+                        message,
+                        "name the rig with --rig when you use this log",
+                    );
                 }
             }
         }
@@ -115,8 +127,10 @@ impl Checks {
         }
         let session = learnt.metadata.get("session").into_iter().flatten();
         for (_, words) in session.filter(|(key, _)| key.starts_with(DAMAGED_KEY)) {
-            self.error(
+            self.add(
+                Grade::Error,
                 "metadata",
+                None,
                 format!("replayed from a log in which {words}"),
                 "replay the original again with --rig and --calibration from their files",
             );
@@ -125,16 +139,26 @@ impl Checks {
             Some(summary) => self.ledger(summary),
             None if ours && !self.cut => {
                 let message = "the file is whole but holds no `summary`: its recording was not stopped cleanly".to_owned();
-                let next = "losses are not accounted for; see the frame and command gaps";
-                self.warning("summary", message, next);
+                self.add(
+                    Grade::Warning,
+                    "summary",
+                    None,
+                    message,
+                    "losses are not accounted for; see the frame and command gaps",
+                );
             }
             None => {}
         }
         if learnt.ended && learnt.statistics.is_none() && !self.damaged {
             let message =
                 "the file holds no index (its disk failed, or its writer makes none)".to_owned();
-            let next = "`hydroline recover` writes one with an index, if a viewer wants it";
-            self.note("summary", message, next);
+            self.add(
+                Grade::Note,
+                "summary",
+                None,
+                message,
+                "`hydroline recover` writes one with an index, if a viewer wants it",
+            );
         }
         if learnt.chunks_unchecked > 0 && !learnt.data_crc_stated {
             let message = format!(
@@ -142,7 +166,7 @@ impl Checks {
                 learnt.chunks_unchecked, learnt.chunks
             );
             let next = "have the writer state chunk checksums, or keep a checksum of the file";
-            self.note("unchecked", message, next);
+            self.add(Grade::Note, "unchecked", None, message, next);
         }
         for (check, n) in std::mem::take(&mut self.suppressed) {
             let message = format!("{n} more findings of `{check}`");
@@ -172,59 +196,92 @@ impl Checks {
         let (infos, images) = (self.frames.infos, self.frames.images);
         if let (Some(of), true) = (replay_of, infos > 0 && images == 0) {
             let message = format!("a replay of {of} without its images ({infos} frame infos)");
-            let next = "the images are in that log; `hydroline replay --keep-images` copies them";
-            self.note("image", message, next);
-        } else if recovered && self.frames.image_due && infos == images + 1 {
-            let message = format!(
-                "the last frame's image was cut off with the file: {images} images, {infos} frame infos"
-            );
-            self.warning(
+            self.add(
+                Grade::Note,
                 "image",
+                None,
                 message,
+                "the images are in that log; `hydroline replay --keep-images` copies them",
+            );
+        } else if recovered && self.frames.image_due && infos == images + 1 {
+            self.add(
+                Grade::Warning,
+                "image",
+                None,
+                format!("the last frame's image was cut off with the file: {images} images, {infos} frame infos"),
                 "that one frame is lost; the others are whole",
             );
         } else if infos > 0 && infos != images {
             let message = format!("{images} images but {infos} frame infos");
-            let next =
-                "frames are incomplete at the end of a cut file; elsewhere the file lost messages";
-            self.error("image", message, next);
+            self.add(
+                Grade::Error,
+                "image",
+                None,
+                message,
+                "frames are incomplete at the end of a cut file; elsewhere the file lost messages",
+            );
         }
         if self.frames.short > 0 {
             let message = format!(
                 "{} images hold fewer bytes than their size needs, unmarked",
                 self.frames.short
             );
-            let next = "exclude them; the writer should have marked them";
-            self.error("image", message, next);
+            self.add(
+                Grade::Error,
+                "image",
+                None,
+                message,
+                "exclude them; the writer should have marked them",
+            );
         }
         if self.frames.faulty > 0 {
             let message = format!(
                 "{} of {infos} frames are marked faulty and excluded from analysis",
                 self.frames.faulty
             );
-            let next = "check cable and bandwidth if there are many";
-            self.note("image", message, next);
+            self.add(
+                Grade::Note,
+                "image",
+                None,
+                message,
+                "check cable and bandwidth if there are many",
+            );
         }
         if self.frames.index_gaps > 0 {
             let message = format!(
                 "{} frames reached the daemon but not the file",
                 self.frames.index_gaps
             );
-            let next = "the disk was too slow or full; see events `log.frames_dropped`, `disk.low`";
-            self.warning("frame_gap", message, next);
+            self.add(
+                Grade::Warning,
+                "frame_gap",
+                None,
+                message,
+                "the disk was too slow or full; see events `log.frames_dropped`, `disk.low`",
+            );
         }
         let (missing, cut_off) = self.commands_missing();
         if cut_off > 0 {
             let message = format!(
                 "{cut_off} command numbers were cut off with the link, as event `thruster.unsent` says"
             );
-            let next = "the controller may have got part of them; its watchdog went to neutral";
-            self.note("command_gap", message, next);
+            self.add(
+                Grade::Note,
+                "command_gap",
+                None,
+                message,
+                "the controller may have got part of them; its watchdog went to neutral",
+            );
         }
         if missing > 0 {
             let message = format!("{missing} commands are missing by their sequence numbers");
-            let next = "do not identify or diagnose across the gap";
-            self.error("command_gap", message, next);
+            self.add(
+                Grade::Error,
+                "command_gap",
+                None,
+                message,
+                "do not identify or diagnose across the gap",
+            );
         }
     }
 
@@ -234,13 +291,20 @@ impl Checks {
                 "{}: the controller contradicted the commands for {:.2} s: sent {:.2} us, it said {:.2} us",
                 found.thruster, found.for_s, found.sent_us, found.echo_us
             );
-            let next = "the commands are not what drove the vehicle: do not identify or diagnose from this stretch; check the controller's own limits and who else drives it";
-            self.error("echo", message, next);
+            self.add(
+                Grade::Error,
+                "echo",
+                None,
+                message,
+                "the commands are not what drove the vehicle: do not identify or diagnose from this stretch; check the controller's own limits and who else drives it",
+            );
         }
         let (differ, compared) = (self.obeyed.differ, self.obeyed.compared);
         if differ > 0 {
-            self.note(
+            self.add(
+                Grade::Note,
                 "echo",
+                None,
                 format!(
                     "{differ} of {compared} echoes say another pulse than the command they answer"
                 ),
@@ -253,9 +317,13 @@ impl Checks {
         let steps = self.clock_steps.max(self.step_events);
         if steps > 0 {
             let message = format!("the realtime clock was set {steps} times by more than 10 ms");
-            let next =
-                "compare stamps only within the stretches between; stop NTP steps during runs";
-            self.warning("clock", message, next);
+            self.add(
+                Grade::Warning,
+                "clock",
+                None,
+                message,
+                "compare stamps only within the stretches between; stop NTP steps during runs",
+            );
         }
         if self.wide_brackets > 0 {
             let message = format!(
@@ -263,8 +331,13 @@ impl Checks {
                 self.wide_brackets,
                 BRACKET_NS / 1000
             );
-            let next = "those readings are that uncertain; the host was busy";
-            self.note("clock", message, next);
+            self.add(
+                Grade::Note,
+                "clock",
+                None,
+                message,
+                "those readings are that uncertain; the host was busy",
+            );
         }
     }
 
@@ -274,8 +347,13 @@ impl Checks {
         let message = format!(
             "the recording broke off and was recovered: {lost} frames are known to be missing, and what was in memory at the end (at most 3 frames and the last command)"
         );
-        let next = "what is in the file is sound; metadata `recovered` says from which file and what was damaged";
-        self.note("summary", message, next);
+        self.add(
+            Grade::Note,
+            "summary",
+            None,
+            message,
+            "what is in the file is sound; metadata `recovered` says from which file and what was damaged",
+        );
     }
 
     /// `received + lost = expected`, `logged + dropped = received`, and the file agrees.
@@ -289,8 +367,13 @@ impl Checks {
                 .get("stop.reason")
                 .map_or("not stated", String::as_str);
             let message = format!("the recording did not end in order: {why}");
-            let next = "what is in the file is sound; see the event before the end";
-            self.warning("summary", message, next);
+            self.add(
+                Grade::Warning,
+                "summary",
+                None,
+                message,
+                "what is in the file is sound; see the event before the end",
+            );
         }
         let ledger = ledger_of(summary);
         let (received, expected) = (
@@ -298,8 +381,10 @@ impl Checks {
             number(&format!("{ledger}.expected")),
         );
         let (Some(received), Some(expected)) = (received, expected) else {
-            self.warning(
+            self.add(
+                Grade::Warning,
                 "ledger",
+                None,
                 "the summary states no frame ledger".to_owned(),
                 "losses are not accounted for",
             );
@@ -309,13 +394,23 @@ impl Checks {
         if received + lost != expected {
             let message =
                 format!("frames: received {received} + lost {lost} is not expected {expected}");
-            let next = "the capture lost count; report it as a bug";
-            self.error("ledger", message, next);
+            self.add(
+                Grade::Error,
+                "ledger",
+                None,
+                message,
+                "the capture lost count; report it as a bug",
+            );
         } else if lost > 0 {
             let message =
                 format!("{lost} of {expected} frames were lost before they reached the daemon");
-            let next = "their places are marked in the frames after them";
-            self.note("ledger", message, next);
+            self.add(
+                Grade::Note,
+                "ledger",
+                None,
+                message,
+                "their places are marked in the frames after them",
+            );
         }
         let is_only_part = summary.get("part.number").map(String::as_str) == Some("0")
             && summary.get("part.last").map(String::as_str) == Some("true");
@@ -328,7 +423,13 @@ impl Checks {
                 let message = format!(
                     "frames: logged {logged} + dropped {dropped} is not received {received} + leftover and repeated {outside}"
                 );
-                self.error("ledger", message, "the log lost count; report it as a bug");
+                self.add(
+                    Grade::Error,
+                    "ledger",
+                    None,
+                    message,
+                    "the log lost count; report it as a bug",
+                );
             }
         }
         // A dropped frame takes its mark along; logs of older daemons do not state what no frame can be marked with.
@@ -341,15 +442,20 @@ impl Checks {
                     "frames: {marked} marked as lost - {retracted} taken back + {at_end} after the last frame is not lost {lost}"
                 );
                 let next = "the marks on the frames and the account contradict each other; report it as a bug";
-                self.error("ledger", message, next);
+                self.add(Grade::Error, "ledger", None, message, next);
             }
         }
         let derived = sum("derived.dropped.");
         if derived > 0 {
             let message =
                 format!("{derived} profiles and annotations were dropped, the queue was full");
-            let next = "`hydroline replay` computes them again from the images";
-            self.note("derived", message, next);
+            self.add(
+                Grade::Note,
+                "derived",
+                None,
+                message,
+                "`hydroline replay` computes them again from the images",
+            );
         }
         for (key, stated) in summary {
             let Some(topic) = key.strip_prefix("messages./") else {
@@ -361,8 +467,13 @@ impl Checks {
                 let message = format!(
                     "the summary counts {stated} messages of {topic}, the file holds {found}"
                 );
-                let next = "messages were lost from the file after it was written";
-                self.error("ledger", message, next);
+                self.add(
+                    Grade::Error,
+                    "ledger",
+                    None,
+                    message,
+                    "messages were lost from the file after it was written",
+                );
             }
         }
     }

@@ -25,7 +25,7 @@ const CRC_BYTES: usize = 4;
 
 /// What a summary, or reading everything, says of a log.
 #[derive(Debug, Default)]
-pub(crate) struct Contents {
+pub(super) struct Contents {
     pub declared: Declared,
     pub metadata: BTreeMap<String, MetadataMap>,
     pub places: Vec<Place>,
@@ -39,16 +39,6 @@ impl Contents {
     /// Messages of a channel.
     pub fn messages_of(&self, channel: u16) -> u64 {
         self.messages.get(&channel).copied().unwrap_or(0)
-    }
-
-    /// Messages of each topic.
-    pub fn counts(&self) -> BTreeMap<&str, u64> {
-        let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
-        for channel in self.declared.channels.values() {
-            let count = counts.entry(channel.topic.as_str()).or_default();
-            *count = count.saturating_add(self.messages_of(channel.id));
-        }
-        counts
     }
 }
 
@@ -106,7 +96,7 @@ pub(super) fn indexed_messages(file: &File, place: &Place) -> Result<BTreeMap<u1
 }
 
 /// What the summary says; `None` = there is none, or not of everything.
-pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
+pub(super) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
     let file_bytes = file.metadata().map_or(0, |m| m.len());
     let Some(footer_at) = file_bytes.checked_sub(TAIL_BYTES) else {
         return Ok(None);
@@ -259,7 +249,11 @@ pub(super) fn scanned(
                 }
             }
             Step::Damage { offset, damage } => {
-                let error = LogError::damaged(path, (offset, damage));
+                let error = LogError::Damaged {
+                    path: path.to_owned(),
+                    offset,
+                    damage,
+                };
                 if !error.is_missing_end() {
                     return Err(error);
                 }

@@ -8,7 +8,7 @@ use mcap::{WriteOptions, Writer};
 use prost::Message as _;
 
 use super::IndexedLog;
-use crate::tests::fixtures::command;
+use crate::testing::command;
 use crate::{LogError, Record, Topic};
 
 const TOPIC: &str = "/thruster/command";

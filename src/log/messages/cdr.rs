@@ -7,19 +7,28 @@ use bytes::Bytes;
 
 /// Why bytes are no such message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum CdrError {
+    /// The first two bytes.
     #[error("CDR begins with 00 00, 00 01, 00 06 or 00 07, this with {0:02x} {1:02x}")]
     Kind(u8, u8),
+    /// Too few bytes.
     #[error("{field} needs {need} bytes at byte {at}, {have} are there")]
     Short {
+        /// What was to be read.
         field: &'static str,
+        /// Where.
         at: usize,
+        /// Bytes needed.
         need: usize,
+        /// Bytes there.
         have: usize,
     },
+    /// Text that is none.
     #[error("{field} is not UTF-8")]
-    Text { field: &'static str },
+    Text {
+        /// Which.
+        field: &'static str,
+    },
 }
 
 /// A message read field by field.

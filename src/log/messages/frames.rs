@@ -106,7 +106,18 @@ pub fn frame_from(
     };
     let meta = match info {
         Some(info) => meta_from(info, stamp_ns),
-        None => FrameMeta::at(sequence, stamp_ns),
+        None => FrameMeta {
+            sequence,
+            driver_stamp_ns: stamp_ns,
+            stamp_clock: StampClock::Realtime,
+            stamp_source: StampSource::MidExposure,
+            flags: 0,
+            received_monotonic_ns: 0,
+            mid_exposure_ns: stamp_ns,
+            exposure_s: 0.0,
+            fault: None,
+            lost_before: LossBefore::default(),
+        },
     };
     Ok(Frame {
         format,

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use crate::messages::{DecodeOver, pb};
-use crate::tests::fixtures::{MemoryDisk, T0_NS, command, grey_frame};
+use crate::testing::{MemoryDisk, T0_NS, command, grey_frame};
 use crate::{
     Counts, Entry, Head, IndexedLog, Limits, LogReader, LogWriter, Record, SummaryInput, Topic,
     WriteSettings, recover,

@@ -25,6 +25,9 @@ pub(crate) struct ChunkFinder<R> {
 
 impl<R: Read + Seek> ChunkFinder<R> {
     /// In a source.
+    ///
+    /// # Errors
+    /// The source's own.
     pub fn new(mut source: R) -> io::Result<Self> {
         let bytes = source.seek(SeekFrom::End(0))?;
         Ok(Self {
@@ -35,6 +38,9 @@ impl<R: Read + Seek> ChunkFinder<R> {
 
     /// Where the next chunk begins whose checksum holds, at or after `from`. A chunk that states no checksum cannot
     /// be distinguished from chance and is passed over.
+    ///
+    /// # Errors
+    /// The source's own.
     pub fn find(&mut self, from: u64) -> io::Result<Option<u64>> {
         let (mut block, mut start) = (Vec::new(), from);
         loop {

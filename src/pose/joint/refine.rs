@@ -103,14 +103,19 @@ pub struct Refined {
 
 /// Why nothing is refined.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum RefineError {
+    /// Frames.
     #[error("{frames} frames with a pose, at least {FRAMES_MIN} over the target are needed")]
-    TooFew { frames: usize },
+    TooFew {
+        /// Frames with a pose.
+        frames: usize,
+    },
+    /// Newton.
     #[error(
         "the frames do not converge to a geometry: do they show the target, and does the vehicle move over it?"
     )]
     NotConverged,
+    /// Far off.
     #[error(
         "the sheet would have to be tilted by more than {:.0} deg: is it the rig's?",
         TILT_MOST_RAD.to_degrees()
@@ -170,6 +175,9 @@ struct Step {
 
 /// Refines the geometry over frames of a run, each with its hint. A frame that has no pose under some
 /// geometry on the way is discarded.
+///
+/// # Errors
+/// [`RefineError`].
 pub fn refine(
     fitter: &PoseFitter,
     frames: &[(GreyImage, Profile, Hint)],

@@ -114,10 +114,11 @@ impl JointPose {
 
 /// Why a frame gives no pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum PoseFault {
+    /// The stripe.
     #[error("no stripe: {0}")]
     NoStripe(String),
+    /// Sorting it.
     #[error(transparent)]
     Segments(#[from] SegmentError),
     /// The image is not the map's.
@@ -134,7 +135,10 @@ pub enum PoseFault {
     #[error(
         "{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?"
     )]
-    Nowhere { steps: usize },
+    Nowhere {
+        /// Steps.
+        steps: usize,
+    },
     /// A flat line that may lie on the floor, or on one of the target's upper faces.
     #[error(
         "a flat line of {line_m:.2} m without an edge: floor, or one of the target's upper faces, on which up to {face_m:.2} m may lie; z is not known"
@@ -145,6 +149,7 @@ pub enum PoseFault {
         /// Longest line on an upper face \[m\].
         face_m: f64,
     },
+    /// None near the hint.
     #[error(
         "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"
     )]
@@ -162,6 +167,7 @@ pub enum PoseFault {
     Unexplained {
         /// Residual over noise, rms.
         chi: f64,
+        /// What light and camera look like.
         light: LightSeen,
     },
     /// The fit did not converge.

@@ -9,7 +9,7 @@ use hydroline_rigs::LinkKind;
 use hydroline_thruster::ChannelPulse;
 use hydroline_thruster::clocksync::{ClockSync, Exchange, SyncSettings};
 use hydroline_thruster::controller::{ControllerConfig, Loopback, SimController};
-use hydroline_thruster::link::{LinkEvent, MaestroProtocol, ThrusterLink};
+use hydroline_thruster::link::{LinkEvent, MaestroProtocol, ThrusterLink, WireLink};
 use hydroline_thruster::stamped::{Deframer, HostMessage};
 use std::sync::Arc;
 use std::time::Duration;
@@ -85,12 +85,8 @@ fn maestro_command_and_echo_in_memory(bencher: Bencher) {
         SimController::new(ControllerConfig::bench(LinkKind::Maestro)),
         clock.clone(),
     );
-    let protocol = Box::new(MaestroProtocol::new(1100.0, 1900.0, 200_000_000));
-    let mut link = ThrusterLink::new(
-        protocol,
-        Box::new(cable.open().unwrap()),
-        Duration::from_millis(100),
-    );
+    let protocol = MaestroProtocol::new(1100.0, 1900.0, 200_000_000);
+    let mut link = WireLink::new(protocol, cable.open().unwrap(), Duration::from_millis(100));
     link.open().unwrap();
     let (pulses, mut sequence) = (pulses(), 0);
     bencher.bench_local(|| {

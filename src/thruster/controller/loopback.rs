@@ -3,10 +3,9 @@
 use super::{ControllerEvent, SimController};
 use crate::transport::{LineModel, Sent, Transport, Wire};
 use hydroline_core::clock::Clock;
-use hydroline_core::lock::Lock;
 use std::collections::VecDeque;
 use std::io;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 struct Shared {
@@ -54,7 +53,7 @@ impl Loopback {
     /// # Errors
     /// `NotFound` while unplugged.
     pub fn open(&self) -> io::Result<Self> {
-        let mut shared = self.shared.held();
+        let mut shared = self.lock();
         if !shared.plugged {
             return Err(io::ErrorKind::NotFound.into());
         }
@@ -66,7 +65,7 @@ impl Loopback {
 
     /// Pulls the cable.
     pub fn unplug(&self) {
-        let mut shared = self.shared.held();
+        let mut shared = self.lock();
         shared.plugged = false;
         shared.arrived.clear();
         shared.controller.cable_pulled();
@@ -74,7 +73,7 @@ impl Loopback {
 
     /// Plugs it in again.
     pub fn replug(&self) {
-        let mut shared = self.shared.held();
+        let mut shared = self.lock();
         shared.plugged = true;
         shared.generation += 1;
     }
@@ -82,7 +81,7 @@ impl Loopback {
     /// The controller, for faults and questions; brought up to the present first.
     pub fn with<R>(&self, f: impl FnOnce(&mut SimController) -> R) -> R {
         let now_ns = self.clock.monotonic_ns();
-        let mut shared = self.shared.held();
+        let mut shared = self.lock();
         Self::run(&mut shared, now_ns);
         f(&mut shared.controller)
     }
@@ -90,9 +89,13 @@ impl Loopback {
     /// Output changes so far, taken out.
     pub fn take_events(&self) -> Vec<ControllerEvent> {
         let now_ns = self.clock.monotonic_ns();
-        let mut shared = self.shared.held();
+        let mut shared = self.lock();
         Self::run(&mut shared, now_ns);
         std::mem::take(&mut shared.events)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn run(shared: &mut Shared, now_ns: u64) {
@@ -111,7 +114,7 @@ impl Loopback {
     }
 
     fn checked(&self) -> io::Result<MutexGuard<'_, Shared>> {
-        let shared = self.shared.held();
+        let shared = self.lock();
         if shared.plugged && shared.generation == self.generation {
             Ok(shared)
         } else {

@@ -3,7 +3,6 @@
 use super::serve::serve;
 use super::{ControllerEvent, Faults, SimController};
 use hydroline_core::clock::{Clock, SystemClock};
-use hydroline_core::lock::Lock;
 use hydroline_core::thread_class::real_time;
 use std::fs::File;
 use std::io;
@@ -11,7 +10,7 @@ use std::os::fd::{FromRawFd, OwnedFd};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 /// Called for every change of an output.
@@ -19,15 +18,18 @@ pub type OnPulses = Box<dyn FnMut(ControllerEvent) + Send>;
 
 /// Why there is no pseudo-terminal.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum PtyError {
+    /// openpty failed.
     #[error("no pseudo-terminal: {0} (is devpts mounted on /dev/pts?)")]
     Open(io::Error),
     /// The stable name could not be made.
     #[error("cannot link {link} to {node}: {error}; name another path, or remove what is there")]
     Link {
+        /// Link.
         link: PathBuf,
+        /// Node.
         node: PathBuf,
+        /// The system's words.
         error: io::Error,
     },
     /// The controller's thread could not be started.
@@ -51,6 +53,9 @@ pub struct PtyController {
 
 impl PtyController {
     /// Plugs it in. With `link`, that path points to the node after every plugging in, as udev's by-id links do.
+    ///
+    /// # Errors
+    /// [`PtyError`].
     pub fn start(
         controller: SimController,
         link: Option<PathBuf>,
@@ -80,14 +85,19 @@ impl PtyController {
 
     /// Resets the controller, as a brown-out would.
     pub fn reset(&self) {
-        let mut on_pulses = self.on_pulses.held();
+        let mut on_pulses = self
+            .on_pulses
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         self.controller()
             .reset(SystemClock.monotonic_ns(), &mut |e| on_pulses(e));
     }
 
     /// The controller, for questions.
     pub fn controller(&self) -> MutexGuard<'_, SimController> {
-        self.controller.held()
+        self.controller
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Pulls the cable: the host's descriptor is at its end, the node vanishes. The controller's watchdog runs on.
@@ -107,7 +117,10 @@ impl PtyController {
 
     /// Lets an unplugged controller's time pass: its watchdog acts although no cable is there.
     pub fn run_unplugged(&self) {
-        let mut on_pulses = self.on_pulses.held();
+        let mut on_pulses = self
+            .on_pulses
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         self.controller()
             .poll(SystemClock.monotonic_ns(), &mut Vec::new(), &mut |e| {
                 on_pulses(e)
@@ -115,6 +128,9 @@ impl PtyController {
     }
 
     /// Plugs it in (again).
+    ///
+    /// # Errors
+    /// [`PtyError`].
     pub fn replug(&mut self) -> Result<(), PtyError> {
         self.unplug();
         let (master, slave, node) = open_pty().map_err(PtyError::Open)?;
@@ -137,7 +153,8 @@ impl PtyController {
             // Our own hold on the far side: without it the master reads EIO whenever the host has it closed.
             let _slave: OwnedFd = slave;
             let mut master = master;
-            let mut forward = |event| (on_pulses.held())(event);
+            let mut forward =
+                |event| (on_pulses.lock().unwrap_or_else(PoisonError::into_inner))(event);
             if let Err(error) = serve(
                 &controller,
                 &mut master,

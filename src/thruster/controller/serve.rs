@@ -2,11 +2,10 @@
 
 use super::{ControllerEvent, SimController};
 use hydroline_core::clock::Clock;
-use hydroline_core::lock::Lock;
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Why [`serve`] came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +34,7 @@ pub fn serve<S: Read + Write + AsFd>(
     let (mut buffer, mut out) = ([0u8; 512], Vec::new());
     while !stop.load(Ordering::Relaxed) {
         let wake_ns = {
-            let mut controller = controller.held();
+            let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
             out.clear();
             controller.poll(clock.monotonic_ns(), &mut out, on_pulses);
             controller.next_wake_ns()
@@ -60,7 +59,7 @@ pub fn serve<S: Read + Write + AsFd>(
         match stream.read(&mut buffer) {
             Ok(0) => return Ok(ServeEnd::Closed),
             Ok(n) => {
-                let mut controller = controller.held();
+                let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
                 controller.receive(clock.monotonic_ns(), &buffer[..n]);
             }
             Err(e)

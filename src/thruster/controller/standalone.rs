@@ -25,12 +25,18 @@ pub enum ServeAt {
 
 /// Why the controller ended early.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum StandaloneError {
+    /// No pseudo-terminal.
     #[error(transparent)]
     Pty(#[from] PtyError),
+    /// The socket failed.
     #[error("socket {path}: {error}")]
-    Socket { path: PathBuf, error: io::Error },
+    Socket {
+        /// Path.
+        path: PathBuf,
+        /// The system's words.
+        error: io::Error,
+    },
 }
 
 const RETRY: Duration = Duration::from_millis(50);

@@ -36,20 +36,18 @@ fn set(kind: LinkKind) -> ThrusterSet {
     }
 }
 
+type TestLink = WireLink<Box<dyn Protocol>, Loopback>;
+
 fn link(
     kind: LinkKind,
     change: impl FnOnce(&mut ControllerConfig),
-) -> (ThrusterLink, Loopback, Arc<ManualClock>) {
+) -> (TestLink, Loopback, Arc<ManualClock>) {
     let clock = Arc::new(ManualClock::new(1_000_000_000, 1_700_000_000_000_000_000));
     let mut config = ControllerConfig::bench(kind);
     change(&mut config);
     let cable = Loopback::new(SimController::new(config), clock.clone());
     let line = cable.open().unwrap();
-    let mut link = ThrusterLink::new(
-        protocol_for(&set(kind)),
-        Box::new(line),
-        Duration::from_millis(100),
-    );
+    let mut link = WireLink::new(protocol_for(&set(kind)), line, Duration::from_millis(100));
     link.open().unwrap();
     (link, cable, clock)
 }
@@ -58,7 +56,7 @@ fn pulses(us: f64) -> Vec<ChannelPulse> {
     vec![ChannelPulse::from_us(0, us), ChannelPulse::from_us(3, us)]
 }
 
-fn poll_for(link: &mut ThrusterLink, clock: &ManualClock, ms: u64) -> Vec<LinkEvent> {
+fn poll_for(link: &mut TestLink, clock: &ManualClock, ms: u64) -> Vec<LinkEvent> {
     let end_ns = clock.monotonic_ns() + ms * MS;
     let mut events = Vec::new();
     while clock.monotonic_ns() < end_ns {

@@ -7,13 +7,13 @@ mod sending;
 use super::noise::Noise;
 use super::{Opener, Order, PlanState, ServiceConfig, SetPoint, Shared, Sink};
 use crate::ChannelPulse;
-use crate::link::{Protocol, ThrusterLink};
+use crate::link::{Protocol, WireLink};
 use crate::record::{CommandRecord, LinkRecord};
 use crate::safety::{NeutralReason, PulseLimits, Safety, State};
 use crate::scheduler::{LoadAt, Scheduler};
+use crate::transport::Transport;
 use hydroline_core::clock::Clock;
 use hydroline_core::event::{Event, EventKind, Severity, kind};
-use hydroline_core::lock::Lock;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -35,6 +35,8 @@ const FAREWELL_NS: u64 = 300_000_000;
 
 /// Sets remembered for their echo: more than the slowest link leaves open before they are given up.
 const UNECHOED_SETS: usize = 64;
+
+type Link = WireLink<Box<dyn Protocol>, Box<dyn Transport>>;
 
 /// Whether to go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,7 +86,7 @@ pub struct Core {
     shared: Arc<Shared>,
     safety: Safety,
     protocol: Option<Box<dyn Protocol>>,
-    link: Option<ThrusterLink>,
+    link: Option<Link>,
     plan: Option<PlanRun>,
     /// The next set-point of a producer has to be here by then \[ns\].
     feed_until_ns: Option<u64>,
@@ -338,7 +340,9 @@ impl Core {
         let sink = std::mem::replace(&mut self.sink, Box::new(|_| {}));
         let sink = std::sync::Mutex::new(sink);
         self.sink = Box::new(move |record| {
-            let mut sink = sink.held();
+            let mut sink = sink
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
             let _ = catch_unwind(AssertUnwindSafe(|| sink(record)));
         });
         let words = format!("the thruster service panicked: {words}");

@@ -8,13 +8,13 @@ use hydroline_rigs::ThrusterSet;
 
 /// Why the service does not start or take something.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum ServiceError {
     /// The line is too slow for the rate.
     #[error(
         "{channels} thrusters at {rate_hz} /s need {needed_s:.4} s of wire time per set at {baud} baud, the period is {period_s:.4} s: raise link.baud or lower link.rate_hz"
     )]
     TooSlow {
+        /// Thrusters.
         channels: usize,
         /// Rate \[1/s\].
         rate_hz: f64,
@@ -22,19 +22,26 @@ pub enum ServiceError {
         needed_s: f64,
         /// Period \[s\].
         period_s: f64,
+        /// Baud.
         baud: u32,
     },
     /// Two thrusters on one channel, or too many.
     #[error("thruster channels {channels:?}: {reason}")]
     Channels {
+        /// Channels.
         channels: Vec<u8>,
+        /// What is wrong.
         reason: &'static str,
     },
     /// The thread did not start.
     #[error("cannot start the thruster thread: {0}")]
     Thread(std::io::Error),
+    /// The service has ended.
     #[error("the thruster service has ended ({state:?}): see its events")]
-    Ended { state: State },
+    Ended {
+        /// Last state.
+        state: State,
+    },
     /// The producer is faster than the line.
     #[error("the thruster service's queue is full: set-points come faster than link.rate_hz")]
     Full,

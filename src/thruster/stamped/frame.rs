@@ -4,31 +4,63 @@ use super::{MAX_FRAME, VERSION, crc16};
 
 /// Why a received frame was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum FrameError {
     /// No delimiter within the longest frame.
     #[error(
         "more than {max} bytes without a 00 delimiter: dropped up to the next one (wrong baud rate or protocol?)"
     )]
-    TooLong { max: usize },
+    TooLong {
+        /// Longest frame.
+        max: usize,
+    },
     /// COBS code byte points beyond the frame.
     #[error("{len} bytes between delimiters are not valid COBS")]
-    Cobs { len: usize },
+    Cobs {
+        /// Bytes between delimiters.
+        len: usize,
+    },
     /// Fewer bytes than version, type and CRC.
     #[error("frame of {len} bytes is shorter than version, type and CRC (4)")]
-    Short { len: usize },
+    Short {
+        /// Decoded bytes.
+        len: usize,
+    },
+    /// CRC differs.
     #[error("CRC-16 is {got:#06x}, frame says {want:#06x}")]
-    Crc { got: u16, want: u16 },
+    Crc {
+        /// Computed.
+        got: u16,
+        /// In the frame.
+        want: u16,
+    },
+    /// Another version.
     #[error("protocol version {got}, this side speaks {VERSION}: update the firmware or the host")]
-    Version { got: u8 },
+    Version {
+        /// In the frame.
+        got: u8,
+    },
+    /// Unknown type for this direction.
     #[error("unknown message type {got:#04x}")]
-    Type { got: u8 },
+    Type {
+        /// In the frame.
+        got: u8,
+    },
     /// Length does not fit the type.
     #[error("message type {kind:#04x} of {len} bytes does not have its type's length")]
-    Length { kind: u8, len: usize },
+    Length {
+        /// Type.
+        kind: u8,
+        /// Decoded bytes.
+        len: usize,
+    },
     /// A field holds a value outside its enumeration.
     #[error("message type {kind:#04x}: field value {got} is not defined")]
-    Value { kind: u8, got: u8 },
+    Value {
+        /// Type.
+        kind: u8,
+        /// Value.
+        got: u8,
+    },
 }
 
 /// Appends a frame of this type, delimiter included.

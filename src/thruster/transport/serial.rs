@@ -15,21 +15,32 @@ const MAX_WRITE: usize = 255;
 
 /// Why a port did not open.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
 pub enum OpenError {
     /// Not there (unplugged, wrong identity).
     #[error("serial port {wanted} is not there: {hint}")]
     NotFound {
+        /// What was looked for.
         wanted: String,
         /// What is there instead, or what to do.
         hint: String,
     },
+    /// No permission.
     #[error("{0}")]
     Permission(String),
+    /// Held by another process.
     #[error("serial port {path} is in use by another process (lsof {path} names it)")]
-    Busy { path: PathBuf },
+    Busy {
+        /// Path.
+        path: PathBuf,
+    },
+    /// Anything else.
     #[error("serial port {path} does not open: {reason}")]
-    Other { path: PathBuf, reason: String },
+    Other {
+        /// Path.
+        path: PathBuf,
+        /// The system's words.
+        reason: String,
+    },
 }
 
 /// An open serial port.

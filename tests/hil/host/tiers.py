@@ -1,4 +1,4 @@
-"""tiers.py [a|b|c|d|e|e-share|all|self]...: boots each tier's guest and judges what it brought back."""
+"""tiers.py [a|b|c|d|e|all|self]...: boots each tier's guest and judges what it brought back."""
 from __future__ import annotations
 
 import os
@@ -15,12 +15,11 @@ import tier_b  # noqa: E402
 import tier_c  # noqa: E402
 import tier_d  # noqa: E402
 import tier_e  # noqa: E402
-import tier_e_share  # noqa: E402
 import tier_self  # noqa: E402
 import vm  # noqa: E402
 from report import Report  # noqa: E402
 
-TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "d": tier_d, "e": tier_e, "e-share": tier_e_share, "self": tier_self}
+TIERS = {"a": tier_a, "b": tier_b, "c": tier_c, "d": tier_d, "e": tier_e, "self": tier_self}
 # A tier that failed while other work held up the guest is run again: the verdict is about the daemon, and a guest without
 # processor time loses frames before any driver sees them. One stall of a frame's length is enough for that, and far too
 # short to show in the share of a whole tier. On a machine of its own the first attempt counts.
@@ -65,7 +64,7 @@ def main(words: list[str]) -> int:
     names = ALL if not words or "all" in words else words
     unknown = [n for n in names if n not in TIERS]
     if unknown:
-        print(f"run: no tier {unknown}; there are a, b, c, d, e, e-share, all and self", file=sys.stderr)
+        print(f"run: no tier {unknown}; there are a, b, c, d, e, all and self", file=sys.stderr)
         return 2
     report = Report()
     for name in names:

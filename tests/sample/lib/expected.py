@@ -10,23 +10,12 @@ from .cases import STAGES
 ROOT = Path(__file__).resolve().parents[3]
 # A file of the repository is to stay small [bytes].
 LARGEST = 1_000_000
-# Sentences for people, which no comparison judges: an engine says them otherwise without another result.
-SENTENCES = {
-    "claim", "experiment", "held_out_by", "notes", "plan_toml", "reason", "regime", "sentence", "statistic", "why", "words",
-}
-
-
-def judged(value: object) -> object:
-    """A result without its sentences."""
-    if isinstance(value, dict):
-        return {k: judged(v) for k, v in value.items() if k not in SENTENCES and not k.endswith("_words")}
-    return [judged(v) for v in value] if isinstance(value, list) else value
 
 
 def write(result: dict, commit: str, path: Path) -> int:
     """Writes what is compared (not the times) and returns its size [bytes]. Numbers keep every digit."""
     def lines(table: dict) -> str:
-        return ",\n".join(f"{json.dumps(name)}: {json.dumps(judged(value), separators=(',', ':'))}" for name, value in table.items())
+        return ",\n".join(f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in table.items())
 
     binary = {"version": f"{result['binary']['version']}, {commit}", "sha256": result["binary"]["sha256"]}
     parts = [f'"binary": {json.dumps(binary)}']

@@ -1,8 +1,8 @@
 use super::*;
+use crate::detect::synthetic::{LaserSheet, Scene, View, render};
 use crate::detect::{Detection, Grey, detect};
 use crate::map::{FitOptions, Method, fit};
-use crate::synthetic::truth::Rig;
-use crate::synthetic::{LaserSheet, Scene, View, render};
+use crate::study::truth::Rig;
 use hydroline_rigs::{BoardPattern, GaugeBlock};
 
 fn board(blocks: bool) -> Board {
@@ -27,7 +27,7 @@ fn board(blocks: bool) -> Board {
     }
 }
 
-/// The board in the sheet of the rig behind a port of `synthetic::truth`, seen at 45°.
+/// The board in the sheet of the rig behind a port of `study::truth`, seen at 45°.
 fn see(board: &Board, sheet: LaserSheet, seed: u64) -> (Detection, Coplanarity) {
     let view = View::behind_port(Rig::behind_port(), 0.0);
     let scene = Scene {

@@ -10,7 +10,7 @@ use super::figures::{held_out, noise, rms, worst};
 use super::{Alternative, Effect, Findings, FitTable, ImageError, Lit, Word};
 use crate::verdict::BeforeAfter;
 use hydroline_rigs::{PhysicsEntry, Rig};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// Mean residual of a part of the image that no explanation takes away \[px\], and in its own sds.
 const UNEXPLAINED_PX: f64 = 0.08;
@@ -75,6 +75,7 @@ impl Level<'_> {
             },
             held_out: held_out(self.problem.runs, self.rig, self.candidates, found)?,
             held_out_by: "every other frame, its pose alone fitted".to_owned(),
+            held_out_written: BTreeMap::new(),
         };
         let zero = Searched::score(&found.nothing);
         Ok(Findings {
@@ -151,17 +152,16 @@ impl Level<'_> {
                 .sum::<f64>()
                 .recip(),
             train: BTreeMap::new(),
+            held_out: BTreeMap::new(),
         };
         all.iter().take(ALTERNATIVES).map(of).collect()
     }
 
-    /// Each once.
     fn blind_spots(&self) -> Vec<String> {
         let single = self.found.all.iter().filter(|f| f.effects.len() == 1);
         let blind = single.filter(|f| visibility(&self.candidates[f.effects[0]], f) < BLIND);
-        let mut ids: Vec<String> = blind.flat_map(|f| self.ids(f)).collect();
-        let mut seen = BTreeSet::new();
-        ids.retain(|id| seen.insert(id.clone()));
-        ids
+        blind
+            .map(|f| self.candidates[f.effects[0]].info.id.to_owned())
+            .collect()
     }
 }

@@ -126,32 +126,24 @@ impl Findings {
     }
 
     /// A diagnosis of the image level alone.
-    pub fn alone(self, rig: &Rig) -> Diagnosis {
+    pub fn alone(&self, rig: &Rig) -> Diagnosis {
         let mut rig = rig.clone();
-        let verdict = self.verdict();
-        rig.physics.extend(self.entries);
+        rig.physics.extend(self.entries.iter().cloned());
         Diagnosis {
-            verdict,
+            verdict: self.verdict(),
             rig,
             shown: Vec::new(),
             // Its effects have probabilities of their own; no plan is asked for.
             probability: 1.0,
-            by_motion: Word::None,
-            images: Some(self.section),
             offers: Vec::new(),
         }
     }
 
-    /// A diagnosis from the motion of the same logs, with what the frames show.
-    #[must_use]
-    pub fn join(self, mut found: Diagnosis) -> Diagnosis {
-        self.join_verdict(&mut found.verdict);
-        found.rig.physics.extend(self.entries);
-        found.images = Some(self.section);
-        found
-    }
-
-    fn join_verdict(&self, v: &mut Verdict) {
+    /// Adds to a verdict from the motion of the same logs.
+    pub fn join(&self, v: &mut Verdict) {
+        if v.verdict == Word::DataFault {
+            return;
+        }
         let says = !self.effects.is_empty() || self.word != Word::None;
         if says {
             v.sentence = if v.verdict == Word::None && v.effects.is_empty() {
@@ -207,16 +199,13 @@ impl Findings {
             to.after.extend(from.after.clone());
             to.noise.extend(from.noise.clone());
         }
-        if !self.fit.held_out.is_empty() {
-            let by = &self.fit.held_out_by;
-            v.fit.held_out_by = match v.fit.held_out_by.as_str() {
-                "" => by.clone(),
-                runs => format!("{runs}; of the image {by}"),
-            };
-        }
-        for spot in &self.blind_spots {
-            v.cannot_show(spot);
-        }
+        v.blind_spots.extend(
+            self.blind_spots
+                .iter()
+                .filter(|b| !v.blind_spots.contains(b))
+                .cloned()
+                .collect::<Vec<_>>(),
+        );
         v.notes.extend(self.notes.clone());
         v.sets_looked_at += self.sets_looked_at;
     }

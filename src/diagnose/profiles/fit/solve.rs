@@ -224,6 +224,7 @@ impl Work<'_, '_> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::super::super::candidate::{Base, library};
     use super::super::super::prior::{FIRST, Motion, MotionPrior};

@@ -1,7 +1,7 @@
 //! Runs of exact zeros where a body was lost.
 
 use super::{Jumps, Series};
-use crate::check::{Finding, FindingList, name};
+use crate::check::{Finding, name};
 use crate::table::Imported;
 use std::ops::Range;
 
@@ -58,14 +58,14 @@ pub(super) fn zeros(place: usize, zero: f64, series: &Series<'_>, limit: f64, ou
         }
     }
     if groups > 0 {
-        out.findings.fault_at(
+        out.findings.push(Finding::fault(
             "zeros",
             Some(first),
             format!(
                 "{}: {rows} row(s) in {groups} group(s) hold exactly 0, far from the rows around them, the first on line {first}: a lost body written as zeros? missing_value = 0 with missing = \"skip\" in the map leaves them out",
-                name(place),
+                name(place)
             ),
-        );
+        ));
     }
 }
 
@@ -90,15 +90,15 @@ pub(in crate::check) fn of_the_same_body(
             continue;
         };
         let line = data.lines.get(first).copied().unwrap_or(0);
-        findings.fault_at(
+        findings.push(Finding::fault(
             "zeros",
             Some(line),
             format!(
                 "{}: {} row(s) hold exactly 0 where other channels of the body are lost, the first on line {line}",
                 name(place),
-                rows.len(),
+                rows.len()
             ),
-        );
+        ));
         for row in rows {
             match spoilt.last_mut() {
                 Some((p, r)) if *p == place && r.end == row => r.end += 1,

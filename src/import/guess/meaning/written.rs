@@ -4,7 +4,7 @@
 //! where nothing that the name can mean has that dimension, the column is no channel.
 
 use super::words::{Words, split};
-use super::{Meaning, WISHED, listed, meaning};
+use super::{Meaning, WISHED, meaning};
 use crate::guess::shape::Named;
 use crate::map::{COMPANIONS, dimension};
 use crate::unit::{self, Dimension};
@@ -136,7 +136,7 @@ fn wished(m: Meaning, named: &Named) -> Column {
     let above = split(&named.group);
     let is_wish = words.iter().chain(&above).any(|w| {
         let bare = w.trim_end_matches(|c: char| c.is_ascii_digit());
-        listed(WISHED, bare)
+        WISHED.contains(&bare)
     });
     if is_wish && is_measured(m) && !matches!(m, Load(_)) {
         Column::Wished

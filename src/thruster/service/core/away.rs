@@ -1,7 +1,7 @@
 //! Without a line: closing, looking for it again, coming back with neutral first.
 
 use super::{AWAY_NS, Core, Flow, REOPEN_NS};
-use crate::link::ThrusterLink;
+use crate::link::{ThrusterLink, WireLink};
 use crate::safety::{NeutralReason, State};
 use hydroline_core::event::{Severity, kind};
 use hydroline_rigs::{Link, LinkKind};
@@ -48,9 +48,9 @@ impl Core {
                 };
                 // A write is a few hundred bytes at most: 100 ms without progress is a stuck line.
                 let mut link =
-                    ThrusterLink::new(protocol, opened.transport, Duration::from_millis(100));
+                    WireLink::new(protocol, opened.transport, Duration::from_millis(100));
                 if let Err(error) = link.open() {
-                    self.protocol = Some(link.into_protocol());
+                    self.protocol = Some(link.into_parts().0);
                     self.noisy(Severity::Warning, &kind::SERIAL_OPEN, |n| {
                         (
                             format!("{} opens but takes no bytes: {error}", opened.name),
@@ -122,7 +122,9 @@ impl Core {
     /// The line is gone: closes it (an open descriptor would make the replugged node another one).
     pub(super) fn lose(&mut self, why: &str) {
         if let Some(link) = self.link.take() {
-            self.protocol = Some(link.into_protocol());
+            let (protocol, transport) = link.into_parts();
+            drop(transport);
+            self.protocol = Some(protocol);
         }
         self.next_open_ns = self.now() + REOPEN_NS;
         self.neutral_open = None;

@@ -2,7 +2,7 @@
 
 use super::{Contradiction, Core, Flow, Outgoing, STEP_NS};
 use crate::ChannelPulse;
-use crate::link::{Echo, LinkEvent};
+use crate::link::{Echo, LinkEvent, ThrusterLink};
 use crate::record::{CommandRecord, EchoRecord, LinkRecord};
 use crate::safety::{NeutralReason, State};
 use crate::scheduler::Tick;

@@ -3,6 +3,7 @@
 use super::{Core, Outgoing, REPEAT_LOST_NS, REPEAT_NEUTRAL_NS, UNECHOED_SETS, Unechoed};
 use crate::ChannelPulse;
 use crate::curve::pulse_for_thrust;
+use crate::link::ThrusterLink;
 use crate::record::CommandRecord;
 use crate::safety::{NeutralReason, Refused, State};
 use hydroline_core::event::{Severity, kind};

@@ -1,5 +1,0 @@
-//! The extractor on synthetic stripes with known truth.
-
-mod accuracy;
-mod robustness;
-mod room;
