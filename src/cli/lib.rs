@@ -44,12 +44,13 @@ mod paper;
 mod plan;
 mod predict;
 mod print;
+#[cfg(feature = "lab")]
+#[doc(hidden)]
+pub mod printed;
 mod progress;
 #[cfg(feature = "lab")]
 mod prove;
 mod record;
-#[cfg(feature = "lab")]
-pub mod reference;
 mod remembered;
 mod replay;
 #[cfg(feature = "lab")]
@@ -67,7 +68,9 @@ use hydroline_core::build_info::BuildInfo;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
-pub use outcome::{CliError, Outcome, exit_code};
+#[doc(hidden)]
+pub use groups::GROUPS;
+pub use outcome::{CliError, EXIT_CODES, Outcome, exit_code};
 
 /// A rig by file or built-in name, checked as every command does.
 pub fn load_rig(argument: &str) -> Result<hydroline_rigs::Rig, CliError> {

@@ -15,8 +15,7 @@ const BAD_INPUT: u8 = 2;
 const LOSSY: u8 = 3;
 
 /// Every exit code: number, name, meaning.
-#[cfg_attr(not(feature = "lab"), allow(dead_code))]
-pub(crate) const EXIT_CODES: [(u8, &str, &str); 4] = [
+pub const EXIT_CODES: [(u8, &str, &str); 4] = [
     (DONE, "done", "The command came to its end."),
     (
         FAILED,

@@ -1,7 +1,5 @@
 //! The fields of a type as its JSON Schema says them.
 
-use schemars::JsonSchema;
-use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
 
 /// A field of what is printed.
@@ -23,13 +21,10 @@ pub(super) struct Field {
 /// Path of the name in a map.
 const NAME: &str = "NAME";
 
-/// All fields of a type as it is printed.
-pub(super) fn of<T: JsonSchema>() -> Vec<Field> {
-    let settings = SchemaSettings::draft2020_12().for_serialize();
-    let settings = settings.with(|s| s.inline_subschemas = true);
-    let schema = settings.into_generator().into_root_schema_for::<T>();
+/// All fields of a type as it is printed, by its schema.
+pub(super) fn of(schema: &Value) -> Vec<Field> {
     let mut fields = Vec::new();
-    within("", schema.as_value(), "", &mut fields);
+    within("", schema, "", &mut fields);
     fields
 }
 
