@@ -3,6 +3,7 @@
 //! A state machine over measured poses and their times; no camera and no clock. [`finder`] measures them.
 
 pub mod finder;
+pub mod question;
 
 use std::f64::consts::TAU;
 use std::fmt;
