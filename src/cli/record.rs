@@ -599,7 +599,7 @@ fn show(bar: &indicatif::ProgressBar, status: &Status) {
     ));
 }
 
-/// What --json prints.
+/// Runs as --json prints them.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed<'a> {
     /// The runs in turn.
@@ -625,7 +625,7 @@ struct Recorded {
     frames_analysed: u64,
     /// Frames that a newer one replaced before that; `replay` extracts all.
     frames_not_analysed: u64,
-    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    /// Account of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
     poses: Option<PoseCounts>,
     /// Sets of commands sent; `None` = without thrusters.
     command_sets: Option<u64>,
@@ -642,11 +642,11 @@ struct Recorded {
 struct RecordedCalibration {
     /// Whether one was accepted.
     accepted: bool,
-    /// What it claims, in words; `None` = none was accepted.
+    /// Its claim, in words; `None` = none was accepted.
     claim: Option<String>,
     /// How well its map fits the nodes of the board; `None` = none was accepted.
     residuals: Option<Residuals>,
-    /// What is missing for one, in words; empty where it was accepted.
+    /// Things that are missing for one, in words; empty where it was accepted.
     missing: String,
 }
 

@@ -50,7 +50,7 @@ pub struct RememberArgs {
     no_remembered: bool,
 }
 
-/// What keeps a calibration from being remembered.
+/// Reason that a calibration is not remembered.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // The messages say what stands in them.
 pub enum RememberError {

@@ -55,7 +55,7 @@ impl Seen {
     }
 }
 
-/// What is left to do, in the vehicle's own directions. What the frame does not show is absent.
+/// The way that is left, in the vehicle's own directions. What the frame does not show is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Left {
     /// Forward; negative = back \[m\].
@@ -139,7 +139,7 @@ pub enum Stage {
     Away(Left),
     /// Within the tolerance, not long enough.
     Arriving(Left),
-    /// There.
+    /// Held within the tolerance for long enough.
     Back(Left),
 }
 

@@ -62,7 +62,7 @@ pub struct Made {
     pub not_calibrated: Option<String>,
 }
 
-/// What has happened.
+/// Something that has happened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
     /// A plan is proposed, and nothing that speaks against it.
@@ -82,7 +82,7 @@ pub enum Event {
     },
 }
 
-/// What to do next; the event that it ends with is told to [`Series::next`].
+/// The next thing to do; the event that it ends with is told to [`Series::next`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
     /// Diagnose the runs, and propose plans for the next one.
@@ -129,7 +129,7 @@ pub enum End {
     Failed(String),
 }
 
-/// What to say, and what to do then.
+/// A line to say, and an action to do then.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Step {
     /// For people, first.
@@ -171,7 +171,7 @@ impl Series {
         (series, step)
     }
 
-    /// What follows an event.
+    /// Step that follows an event.
     pub fn next(&mut self, event: Event) -> Step {
         let Rules { plans, .. } = self.rules;
         match event {
@@ -209,7 +209,7 @@ impl Series {
         }
     }
 
-    /// What follows a run.
+    /// Step that follows a run.
     fn recorded(&mut self, made: Made) -> Step {
         let failed = |words: String| Action::End(End::Failed(words)).into();
         match &made.stop {
@@ -247,7 +247,7 @@ impl Series {
         step.saying(made.few_poses.map(Line::FewPoses))
     }
 
-    /// What somebody ended before a run.
+    /// End of a series that somebody wanted before a run.
     fn stopped(&self) -> Step {
         let Rules { next, last, .. } = self.rules;
         self.end().saying(Some(match self.rules.plans {

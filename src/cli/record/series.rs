@@ -4,7 +4,7 @@ use super::until::Proposing;
 use super::*;
 use hydroline_daemon::series::{Action, End, Event, Made, Plans, Rules, Series, Starts};
 
-/// What all runs of a session share.
+/// Session that all runs share.
 pub(super) struct Session<'a> {
     pub args: &'a Args,
     pub rig: &'a Rig,
@@ -40,7 +40,7 @@ pub(super) struct Alike<'a> {
     pub outs: Vec<PathBuf>,
 }
 
-/// What the runs are.
+/// Runs alike, or each proposed by those before it.
 pub(super) enum Work<'a> {
     Alike(Alike<'a>),
     Proposed(Box<Proposing<'a>>),

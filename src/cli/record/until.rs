@@ -161,13 +161,13 @@ impl<'a> Proposing<'a> {
         })
     }
 
-    /// What the person at the tank chooses; `None` = no more runs.
+    /// Choice of the person at the tank; `None` = no more runs.
     pub fn ask(&self, session: &Session<'_>) -> Result<Option<usize>, CliError> {
         ask(session, &self.offers)
     }
 }
 
-/// What a plan is, in a line.
+/// Name, length and loads of a plan, in a line.
 fn line(offer: &Offer) -> String {
     let loads = hydroline_plan::size::largest(&offer.plan).map_or(String::new(), plan::loads);
     format!(
@@ -288,7 +288,7 @@ fn without_images(runs: &[Run]) -> String {
     }
 }
 
-/// What `--until-decided --json` prints.
+/// Series as `--until-decided --json` prints it.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Printed<'a> {
     /// The runs in turn.
@@ -305,7 +305,7 @@ pub(crate) struct Printed<'a> {
     verdict: Option<&'a Verdict>,
 }
 
-/// What the series says at its end; `why` = why it is not decided.
+/// Prints the series at its end; `why` = why it is not decided.
 fn tell_end(
     session: &Session<'_>,
     runs: &[Run],
