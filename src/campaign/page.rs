@@ -1,6 +1,7 @@
 //! The campaign to look at: what changed, trends over time, runs beside each other, what is covered, what to run next.
 
 use crate::group::Group;
+use crate::kind::Kind;
 use crate::overlay::{self, Drawn};
 use crate::sheet::{ChangeSheet, SetSheet};
 use crate::store::StoreError;
@@ -28,7 +29,7 @@ const LISTED: [&str; 8] = [
     "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
 ];
 
-/// What the page shows of the rows, gathered row by row.
+/// Rows as the page shows them, gathered one by one.
 #[derive(Default)]
 struct Gathered {
     /// Files that cannot be used, with why.
@@ -66,9 +67,9 @@ impl Gathered {
             .collect();
         for row in rows.rows()? {
             let row = row?;
-            match word(&row, "kind").as_str() {
-                "bad" => found.bad.push(["log", "remarks"].map(|c| word(&row, c))),
-                "run" => {
+            match Kind::of(&row) {
+                Some(Kind::Bad) => found.bad.push(["log", "remarks"].map(|c| word(&row, c))),
+                Some(Kind::Run) => {
                     found.runs += 1;
                     if found.runs <= ROWS_MAX {
                         found.listed.push(LISTED.map(|c| word(&row, c)));
@@ -89,7 +90,7 @@ impl Gathered {
         }
         for row in rows.rows()? {
             let row = row?;
-            if word(&row, "kind") == "run"
+            if Kind::of(&row) == Some(Kind::Run)
                 && let Some(group) = found.groups.get_mut(&word(&row, "group"))
             {
                 group.draw(&row);

@@ -4,6 +4,7 @@ use super::many::{LOG, below};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress, replay};
 use hydroline_campaign::group::{Group, groups};
+use hydroline_campaign::kind::Kind;
 use hydroline_campaign::store::Store;
 use hydroline_campaign::survey::{Found, survey};
 use hydroline_campaign::table::{Row, Table, word};
@@ -11,6 +12,7 @@ use hydroline_campaign::unit::{Task, Unit, units};
 use hydroline_campaign::work::Campaign;
 use hydroline_campaign::{page::page, store::write_whole};
 use hydroline_core::build_info::BuildInfo;
+use hydroline_diagnose::verdict::Word;
 use rayon::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -62,7 +64,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What a script may want to hear of.
+/// Findings that a script may want to hear of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FailOn {
     /// A group's verdict is `unknown`
@@ -252,22 +254,22 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         );
         let own = rows.iter().filter(|r| word(r, "group") == group.id);
         for row in own {
-            match word(row, "kind").as_str() {
-                "group" => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
-                "day" => outln!(
+            match Kind::of(row) {
+                Some(Kind::Group) => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
+                Some(Kind::Day) => outln!(
                     "  {}: {} {}",
                     word(row, "date"),
                     word(row, "verdict"),
                     word(row, "sentence")
                 ),
-                "change" => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
+                Some(Kind::Change) => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
                 _ => {}
             }
         }
     }
 }
 
-/// What --fail-on names.
+/// An error where the campaign holds something that --fail-on names.
 fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
     let has = |what: &FailOn| -> Vec<String> {
         let named = |row: &Row, column: &str| {
@@ -279,14 +281,14 @@ fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
             )
         };
         rows.iter()
-            .filter_map(|row| match (what, word(row, "kind").as_str()) {
-                (FailOn::Unknown, "group") if word(row, "verdict") == "unknown" => {
+            .filter_map(|row| match (what, Kind::of(row)?) {
+                (FailOn::Unknown, Kind::Group) if word(row, "verdict") == Word::Unknown.name() => {
                     Some(named(row, "sentence"))
                 }
-                (FailOn::Misfit, "group") if !word(row, "misfit").is_empty() => {
+                (FailOn::Misfit, Kind::Group) if !word(row, "misfit").is_empty() => {
                     Some(named(row, "misfit"))
                 }
-                (FailOn::Drift, "change") => {
+                (FailOn::Drift, Kind::Change) => {
                     let same = row.get("same_probability")?.as_f64()?;
                     (same < 0.5).then(|| named(row, "sentence"))
                 }

@@ -3,6 +3,7 @@
 //! A state machine over measured poses and their times; no camera and no clock. [`finder`] measures them.
 
 pub mod finder;
+pub mod question;
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -54,7 +55,7 @@ impl Seen {
     }
 }
 
-/// What is left to do, in the vehicle's own directions. What the frame does not show is absent.
+/// The way that is left, in the vehicle's own directions. What the frame does not show is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Left {
     /// Forward; negative = back \[m\].
@@ -138,7 +139,7 @@ pub enum Stage {
     Away(Left),
     /// Within the tolerance, not long enough.
     Arriving(Left),
-    /// There.
+    /// Held within the tolerance for long enough.
     Back(Left),
 }
 

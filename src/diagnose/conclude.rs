@@ -29,7 +29,7 @@ pub enum DiagnoseError {
         "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
     )]
     NoFit {
-        /// DOF.
+        /// DOF, by name.
         dof: &'static str,
     },
 }
@@ -53,7 +53,7 @@ pub struct Diagnosis {
     pub probability: f64,
     /// The word by the motion alone.
     pub by_motion: Word,
-    /// What the frames show, as a section of the report; `None` = none were asked.
+    /// Findings of the frames, as a section of the report; `None` = none were asked.
     pub images: Option<Body>,
     /// Plans for the next run, the best first.
     pub offers: Vec<super::body::next::Offer>,

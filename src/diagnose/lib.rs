@@ -49,7 +49,7 @@ use hydroline_rigs::{Dof, Rig};
 use profiles::{ImageError, level};
 use verdict::Word;
 
-/// What is known beside logs and rig.
+/// Knowledge beside logs and rig.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Beside<'a> {
     /// DOFs whose measured motion is an input.

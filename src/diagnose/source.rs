@@ -18,7 +18,7 @@ use hydroline_log::{LogReader, Record};
 pub struct Source {
     /// Commands and motion; of a log of frames alone its name.
     pub run: Run,
-    /// What is wrong with it.
+    /// Faults of its data.
     pub faults: Vec<DataFault>,
     /// Log that holds its frames; `None` = there are none to ask.
     pub frames: Option<PathBuf>,

@@ -333,6 +333,6 @@ fn nothing_left_out_is_nothing_named() {
     assert!(v.effects.iter().all(|e| !e.matters));
     // Nothing was held out: each run was predicted by the other.
     assert!(v.fit.held_out.is_empty() && v.fit.held_out_by.is_empty());
-    let others = v.leave_one_run_out.unwrap();
+    let others = v.leave_one_run_out.unwrap().rms;
     assert!(others.before["x_m"] < 1.2 * others.noise["x_m"]);
 }

@@ -6,6 +6,7 @@ use hydroline_identify::adopt::put;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
+use hydroline_inference::prediction::Prediction;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
@@ -14,7 +15,8 @@ use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
 use crate::verdict::{
-    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
+    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, LeaveOneRunOut, Parameters,
+    PredictedRun, Value,
 };
 
 /// Probability from which an effect is listed.
@@ -306,9 +308,24 @@ impl Judged<'_> {
     }
 
     /// Each run as the others predict it.
-    pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
+    pub fn leave_one_run_out(&self) -> Option<LeaveOneRunOut> {
         let predicted = self.one_run_out.as_ref()?;
-        Some(self.before_after(&predicted.rms))
+        let problem = &self.found.problem;
+        let by_run = |of: &Prediction| {
+            let left = problem.left_by_run(&of.values);
+            let each = left.iter().zip(problem.log_density(of));
+            let each = each.map(|(rms, log_predictive_density)| PredictedRun {
+                log_predictive_density,
+                rms: rms.by_name(),
+            });
+            let names = problem.body.recording.runs.iter().map(|r| r.name.clone());
+            names.zip(each).collect()
+        };
+        Some(LeaveOneRunOut {
+            before: by_run(&predicted.before),
+            after: by_run(&predicted.after),
+            rms: self.before_after(&predicted.rms),
+        })
     }
 
     /// sd of the instruments \[SI\].
