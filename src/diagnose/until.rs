@@ -65,11 +65,7 @@ pub struct Proposal {
     pub offers: Vec<Offer>,
     /// Reason, in words.
     pub reason: String,
-<<<<<<< HEAD
     /// Verdict on the runs so far; `None` before the first.
-=======
-    /// Diagnosis of the runs so far; `None` = there is none.
->>>>>>> h-series~1
     pub diagnosis: Option<Diagnosis>,
 }
 
