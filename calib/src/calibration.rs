@@ -17,7 +17,7 @@ pub use board_map::{NodeResidual, Placement};
 
 /// What is wrong with a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CalibError {
     /// The file cannot be read at all.
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]

@@ -109,7 +109,7 @@ pub struct Deviation {
 
 /// Why a series gives no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FlatError {
     #[error(
         "{exposures} exposures of different times; at least {least} are needed: fewer cannot contradict each other. Record the same scene at 5 to 8 exposure times, each twice the one before"

@@ -127,7 +127,7 @@ impl Method {
 
 /// Why no map could be made of the nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum MapError {
     #[error(
         "{found} nodes are too few for `{method}`, which needs {needed}; show more of the board"

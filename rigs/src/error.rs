@@ -8,15 +8,14 @@ use std::fmt;
 
 /// Why a file did not become a rig, target, board or plan.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RigError {
     /// The file could not be read at all.
     #[error("{file}: cannot be read: {reason}. {next}")]
     Unreadable {
-        /// Path as given.
         file: String,
         /// What the operating system said, or why the content was refused.
         reason: String,
-        /// What to do.
         next: String,
     },
     /// The file was read and these things in it are wrong (at least one).
@@ -30,11 +29,9 @@ pub enum RigError {
     UnknownName {
         /// `rig`, `plan`, `target` or `board`.
         kind: &'static str,
-        /// Name as typed.
         name: String,
         /// Nearest built-in name, when one is near.
         suggestion: Option<String>,
-        /// The built-in names.
         known: Vec<&'static str>,
     },
 }
@@ -77,33 +74,25 @@ impl fmt::Display for Problem {
 
 /// What is wrong with a key or a value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProblemKind {
-    /// Not TOML.
     #[error(
         "not valid TOML: {message}. Mend the syntax at that line; the other checks run once it parses"
     )]
-    Syntax {
-        /// The parser's words.
-        message: String,
-    },
+    Syntax { message: String },
     /// A key nobody reads.
     #[error("unknown key{}. Allowed here: {}", suggest(.suggestion), .allowed.join(", "))]
     UnknownKey {
-        /// Nearest allowed key.
         suggestion: Option<String>,
         /// Every key allowed in this table.
         allowed: Vec<String>,
     },
     /// A key or table that must be there.
     #[error("missing. Add {expected}")]
-    Missing {
-        /// What to add.
-        expected: String,
-    },
+    Missing { expected: String },
     /// A value of the wrong type.
     #[error("is {typed}, but must be {expected}")]
     WrongType {
-        /// Value as typed.
         typed: String,
         /// What is expected, with unit.
         expected: String,
@@ -111,7 +100,6 @@ pub enum ProblemKind {
     /// A number outside its range, or not finite.
     #[error("is {typed}, but must be {allowed}{hint}")]
     OutOfRange {
-        /// Value as typed.
         typed: String,
         /// Allowed range with unit.
         allowed: String,
@@ -121,11 +109,8 @@ pub enum ProblemKind {
     /// A word that is not one of the list.
     #[error("is {typed}, but must be one of {}{}", .allowed.join(", "), suggest(.suggestion))]
     NotOneOf {
-        /// Value as typed.
         typed: String,
-        /// The words allowed.
         allowed: Vec<String>,
-        /// Nearest of them.
         suggestion: Option<String>,
     },
     /// Values that each are fine but break a rule together.
@@ -133,7 +118,6 @@ pub enum ProblemKind {
     Rule {
         /// The rule that is broken, with the values.
         what: String,
-        /// What to do.
         next: String,
     },
 }

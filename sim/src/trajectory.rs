@@ -22,15 +22,11 @@ const NODES_KEPT: usize = 4096;
 
 /// What can go wrong along a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum TrajectoryError {
     /// A time or a load is NaN or infinite.
     #[error("{what} is {value}; it must be finite")]
-    NotFinite {
-        /// Which number.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
+    NotFinite { what: &'static str, value: f64 },
     /// Older than what is kept.
     #[error(
         "{what} at {t_s:.3} s lies before the oldest kept state at {oldest_s:.3} s; ask or command in (roughly) increasing time"

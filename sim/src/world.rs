@@ -14,14 +14,13 @@ use hydroline_rigs::{Rig, Wrench};
 
 /// What can go wrong in a simulated world.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SimError {
     /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// Integration.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
 }

@@ -17,11 +17,11 @@ const HASHES: &str = "hashes.json";
 
 /// Why the store could not be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum StoreError {
     /// A file of the store or a log.
     #[error("{path}: {source}; check that the folder is writable and the disk has room")]
     File {
-        /// Which.
         path: PathBuf,
         /// What the system says.
         source: std::io::Error,
@@ -29,9 +29,7 @@ pub enum StoreError {
     /// A table that is not as it was written.
     #[error("{path}: {source}; the file was changed while it was read: run `campaign` again")]
     Json {
-        /// Which.
         path: PathBuf,
-        /// Why.
         source: serde_json::Error,
     },
 }

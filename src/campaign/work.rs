@@ -51,18 +51,13 @@ impl std::fmt::Debug for Campaign<'_> {
 
 /// Why a unit was not done; what a log lacks is no error but stands in its sheet.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum WorkError {
-    /// The store.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// A sheet that must be there first.
     #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
-    Needs {
-        /// Unit.
-        unit: String,
-        /// What it needs.
-        needs: String,
-    },
+    Needs { unit: String, needs: String },
     /// The rig, which was read before.
     #[error("{0}")]
     Rig(String),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// What a source cannot mend by itself.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CaptureError {
     /// A scripted or replayed source broke.
     #[error("{source_name}: {reason}")]

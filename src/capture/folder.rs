@@ -24,7 +24,7 @@ const FILE_MAX_BYTES: u64 = 1 << 30;
 
 /// Why a folder makes no frames.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FolderError {
     /// The folder or one of its files cannot be read.
     #[error("{}: {source}; check that it can be read", path.display())]

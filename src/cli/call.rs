@@ -51,6 +51,7 @@ pub(crate) fn offer(page: impl FnOnce() -> String + Send + 'static) {
 
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CallError {
     /// An argument is missing, unknown, or not among its values.
     #[error("{words}")]
@@ -64,7 +65,6 @@ pub enum CallError {
         /// Values that it can have, where they are a list.
         allowed: Vec<String>,
     },
-    /// The command's own.
     #[error(transparent)]
     Command(#[from] CliError),
 }

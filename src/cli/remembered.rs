@@ -52,7 +52,7 @@ pub struct RememberArgs {
 
 /// Reason that a calibration is not remembered.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RememberError {
     #[error(
         "neither XDG_DATA_HOME nor HOME names a folder; set one, or give the file with --calibration"

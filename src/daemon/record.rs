@@ -169,6 +169,7 @@ impl Report {
 
 /// Why a recording could not be made.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RecordError {
     /// The thruster service did not start.
     #[error(transparent)]
@@ -176,15 +177,12 @@ pub enum RecordError {
     /// The rig's thrusters do not work together.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
     /// A thread or the signal handlers could not be set up.
     #[error("cannot start the {what}: {source}")]
     Start {
-        /// Which part.
         what: &'static str,
-        /// Why.
         source: std::io::Error,
     },
 }

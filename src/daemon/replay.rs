@@ -169,7 +169,7 @@ impl Report {
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ReplayError {
     #[error(transparent)]
     Log(#[from] LogError),

@@ -75,7 +75,7 @@ impl Default for Options {
 
 /// Why a plan could not be simulated.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SimulateError {
     #[error(transparent)]
     Sim(#[from] SimError),

@@ -23,11 +23,10 @@ const GAINED: f64 = 0.01;
 
 /// Why no plan was made.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum DesignError {
-    /// Its thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// Its physics.
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// Nothing can be driven.
@@ -35,11 +34,7 @@ pub enum DesignError {
         "no DOF{} can be driven within tank, [limits] and target: look at the start pose in [tank], at [limits] and at [[thruster]]",
         if asked.is_empty() { String::new() } else { format!(" of {}", asked.iter().map(|d| d.name()).collect::<Vec<_>>().join(", ")) }
     )]
-    NothingDriven {
-        /// Those asked for.
-        asked: Vec<Dof>,
-    },
-    /// No pattern fits.
+    NothingDriven { asked: Vec<Dof> },
     #[error(
         "none of {drawn} patterns of {length_s} s fits into tank, [limits] and target at a twentieth of the vehicle's reach: a shorter --length leaves it less way to go"
     )]

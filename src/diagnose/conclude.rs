@@ -12,19 +12,16 @@ use super::verdict::{DataFault, Verdict, Word};
 
 /// Why there is no verdict.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum DiagnoseError {
-    /// Nothing to fit.
     #[error(
         "no DOF moves in these {0} log(s): nothing to diagnose; give runs with commands, or a decay"
     )]
     NothingMoves(usize),
-    /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// The frames.
     #[error(transparent)]
     Images(Box<ImageError>),
-    /// No fit.
     #[error(
         "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
     )]

@@ -71,11 +71,10 @@ pub struct Proposal {
 
 /// Why there is no step.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum UntilError {
-    /// The runs.
     #[error(transparent)]
     Diagnose(#[from] DiagnoseError),
-    /// The first plan.
     #[error(transparent)]
     Design(#[from] DesignError),
 }

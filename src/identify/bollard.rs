@@ -55,16 +55,14 @@ pub struct Bollard {
 
 /// Why there is no curve.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum BollardError {
-    /// The table.
     #[error("{file}: {reason}; the table needs columns pulse_us,thrust_n and may have voltage_v")]
     Table {
-        /// File.
         file: String,
         /// Why, with the line.
         reason: String,
     },
-    /// Too little.
     #[error(
         "{ahead} readings ahead and {astern} astern of {neutral_us} us; at least 4 on each side are needed, spread over the range"
     )]
@@ -87,10 +85,8 @@ pub enum BollardError {
         /// First point after it: (pulse \[us\], thrust \[N\]).
         to: (f64, f64),
     },
-    /// The fit.
     #[error(transparent)]
     Method(#[from] MethodError),
-    /// The model.
     #[error(transparent)]
     Forward(#[from] ForwardError),
 }

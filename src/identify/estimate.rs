@@ -69,32 +69,25 @@ impl Default for Options<'_> {
 
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum IdentifyError {
-    /// Too few numbers.
     #[error(
         "{samples} usable samples for {free} unknowns in {dof}; give longer runs, or check that the channel is in the log (hydroline info)"
     )]
     TooFew {
-        /// Samples.
         samples: usize,
-        /// Unknowns.
         free: usize,
-        /// DOF or model.
         dof: String,
     },
     /// No run but ones at rest.
     #[error("all {0} log(s) are at rest: they measure the noise; add runs that move")]
     OnlyStill(usize),
-    /// Nothing given.
     #[error("no run given")]
     NoRun,
-    /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// The search.
     #[error(transparent)]
     Method(#[from] MethodError),
-    /// The motion.
     #[error(transparent)]
     Forward(#[from] ForwardError),
 }

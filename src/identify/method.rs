@@ -20,13 +20,13 @@ pub struct Solution {
 
 /// Why a search has no solution.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum MethodError {
     /// No starting point gives a finite motion.
     #[error(
         "no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units"
     )]
     NoStart(ForwardError),
-    /// Nothing to search.
     #[error("no free parameter")]
     NothingFree,
 }

@@ -61,27 +61,20 @@ impl Prediction {
 
 /// Why there is no prediction.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PredictError {
     /// A step asks for what the thrusters cannot do.
     #[error(transparent)]
     Plan(#[from] SetpointError),
-    /// Thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
     /// `[[physics]]`.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Integration.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
-    /// The identification file.
     #[error("{file}: {reason}; give the output of hydroline identify --json")]
-    Identified {
-        /// File.
-        file: String,
-        /// Why.
-        reason: String,
-    },
+    Identified { file: String, reason: String },
     /// `[identified]` of the rig.
     #[error(
         "[identified] of rig {rig}: {reason}; mend or take out that table, or write the rig anew (hydroline identify LOG... --write-rig)"
@@ -89,7 +82,6 @@ pub enum PredictError {
     OfRig {
         /// Name of the rig.
         rig: String,
-        /// Why.
         reason: String,
     },
 }

@@ -35,31 +35,22 @@ pub struct Guess {
 
 /// Why there is no map.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum GuessError {
     /// No rows of numbers.
     #[error(
         "no table in its first {lines} lines: no two columns of numbers, whatever the separator; write the map by hand (`hydroline import --help` shows one)"
     )]
-    NoTable {
-        /// Lines looked at.
-        lines: usize,
-    },
+    NoTable { lines: usize },
     /// No column of time.
     #[error(
         "no column of time, and no rate: {columns}; write the map by hand (`hydroline import --help` shows one), with [time] rate_hz = .. for rows at a rate"
     )]
-    NoTime {
-        /// The columns.
-        columns: String,
-    },
-    /// Nothing that moves.
+    NoTime { columns: String },
     #[error(
         "no column whose name says that it is motion or a command: {columns}; write the map by hand (`hydroline import --help` shows one)"
     )]
-    NoMotion {
-        /// The columns.
-        columns: String,
-    },
+    NoMotion { columns: String },
 }
 
 /// What is written, line by line.

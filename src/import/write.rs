@@ -34,19 +34,15 @@ pub(crate) const RELATIVE_START: &str = "import.relative_start_unix_ns";
 
 /// Why nothing was imported.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImportError {
-    /// Findings forbid it.
     #[error(
         "{faults} fault(s) in the data, nothing written; mend the file or the map, or import what is sound with --accept-faults"
     )]
-    Faults {
-        /// How many.
-        faults: usize,
-    },
+    Faults { faults: usize },
     /// The table, which was read before.
     #[error("{0}; the table could be read a moment ago: is it being written?")]
     Table(#[from] std::io::Error),
-    /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
 }

@@ -79,14 +79,12 @@ impl Motion {
 
 /// Why a table cannot be computed.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ReproduceError {
-    /// The built-in rig.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// Rendering.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The true motion.
     #[error(transparent)]
     Trajectory(#[from] hydroline_sim::TrajectoryError),
     /// Identification from what was measured.
@@ -95,15 +93,11 @@ pub enum ReproduceError {
     /// A rig whose target has no hexagons.
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,
-    /// Binding a run.
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
     /// The reference frame gave nothing.
     #[error(
         "{motion:?}: the first frame gives no reference, so nothing can be measured against it"
     )]
-    NoReference {
-        /// Motion.
-        motion: Motion,
-    },
+    NoReference { motion: Motion },
 }

@@ -99,7 +99,7 @@ pub enum Route {
 
 /// Why a request is not answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Refusal {
     /// Asked under a name that is not this computer's.
     #[error("this page is asked for by this computer's address, not by that name")]

@@ -96,7 +96,7 @@ impl fmt::Display for ImageTopic {
 
 /// Why no topic can be chosen.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageTopicError {
     #[error(transparent)]
     Log(#[from] LogError),

@@ -79,7 +79,7 @@ pub use writer::LogWriter;
 
 /// What can go wrong with a log.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LogError {
     #[error(
         "part {part} of the log exists already ({reason}): choose another --out or move the old file"

@@ -37,21 +37,14 @@ pub trait LogOutput: Write + Send {
 
 /// Why a file is not found under its name any more.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum NameLost {
     /// The file has another name now.
     #[error("the log's file {} was renamed while it was being written: it is {} now", from.display(), to.display())]
-    Renamed {
-        /// Its old name.
-        from: PathBuf,
-        /// Its name now.
-        to: PathBuf,
-    },
+    Renamed { from: PathBuf, to: PathBuf },
     /// The file was removed, or another file or file system stands in its place.
     #[error("the log's file {} was removed, replaced or mounted over while it was being written", path.display())]
-    Gone {
-        /// Its old name.
-        path: PathBuf,
-    },
+    Gone { path: PathBuf },
 }
 
 /// Blocks are claimed this far ahead, so that one system call serves several chunks.

@@ -25,6 +25,7 @@ pub type MetadataMap = BTreeMap<String, String>;
 
 /// Why a part cannot go on.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub(super) enum Fault {
     /// No room for the next message; the file can still be finished.
     #[error("no room on the disk: {0}")]
@@ -32,7 +33,6 @@ pub(super) enum Fault {
     /// A write, sync or truncate failed.
     #[error("{0} failed: {1}")]
     Io(&'static str, io::Error),
-    /// The encoder refused.
     #[error("MCAP encoder: {0}")]
     Mcap(#[from] mcap::McapError),
 }

@@ -98,8 +98,8 @@ impl Repeats {
 
 /// Why a plan could not even be simulated.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PreflightError {
-    /// The rig's model.
     #[error(transparent)]
     Sim(#[from] SimError),
     /// A load that cannot be commanded.

@@ -21,6 +21,7 @@ pub struct Setpoint {
 
 /// Why a load cannot be commanded.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SetpointError {
     /// The layout does not make it.
     #[error("plan step {step} at {t_s:.2} s: {source}")]
@@ -41,7 +42,6 @@ pub enum SetpointError {
         step: u32,
         /// Time in the plan \[s\].
         t_s: f64,
-        /// Name.
         thruster: String,
         /// Asked \[N\].
         asked_n: f64,

@@ -22,11 +22,11 @@ use hydroline_rigs::Mounts;
 
 /// A frame that breaks an estimator's assumption, or lacks what it needs.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum EstimatorFault {
     /// An edge point is not there.
     #[error("edge point {point} is not in the frame: {what} needs it")]
     NoEdge {
-        /// Which estimator.
         what: &'static str,
         /// A, B, C or D.
         point: char,
@@ -36,7 +36,6 @@ pub enum EstimatorFault {
         "the stripe is rotated by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)"
     )]
     Rolled {
-        /// Which estimator.
         what: &'static str,
         /// Found \[°\].
         roll_deg: f64,

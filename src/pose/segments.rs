@@ -75,6 +75,7 @@ pub struct Step {
 
 /// What was discarded or could not be determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Caveat {
     /// Parts of the stripe on no known height.
     #[error(
@@ -84,7 +85,6 @@ pub enum Caveat {
     /// Fewer steps than a whole crossing of the target has.
     #[error("an edge of the target is outside the light or the image")]
     EdgeMissing,
-    /// One height only.
     #[error("the stripe shows one level only, taken for the floor")]
     OneLevel,
     /// Step columns are whole pixels.
@@ -117,7 +117,7 @@ pub struct Levels {
 
 /// Why a stripe cannot be sorted.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SegmentError {
     #[error(
         "{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?"

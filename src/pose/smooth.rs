@@ -79,7 +79,7 @@ pub struct Run {
 
 /// Why a run cannot be smoothed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SmoothError {
     #[error(
         "{frames} frames with a pose, at least {needed} are needed to bind a run: replay without --smooth"

@@ -111,7 +111,7 @@ pub struct Profile {
 
 /// Why a frame has no stripe.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProfileFault {
     /// The pixel buffer does not fit the stated size.
     #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]

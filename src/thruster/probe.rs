@@ -38,7 +38,7 @@ pub struct Answered {
 
 /// Why a controller cannot be used as it is.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProbeError {
     #[error(
         "opened, but nothing answers: check power, TX/RX wiring, the baud rate of rig and controller, and thrusters.link.kind"

@@ -82,7 +82,7 @@ pub struct PulseLimits {
 
 /// Why a set was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Refused {
     /// Outside the range (or NaN).
     #[error(

@@ -7,7 +7,7 @@ use crate::plane::ImageSize;
 
 /// Why a calibration is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum UseError {
     /// Made in one medium, to be used in another.
     #[error(

@@ -6,7 +6,7 @@ use super::image::{Grey, Plane};
 
 /// Why there are no nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum NotFound {
     #[error(
         "the image is empty: {width} × {height} px, grey levels within {range:.0}; check lens cap, light and exposure"

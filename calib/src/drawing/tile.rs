@@ -67,7 +67,7 @@ pub const MOST_PAGES: usize = 200;
 
 /// A tiling that cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum TileError {
     #[error("a margin of {mm} mm: {low} to {high} mm is possible (the cut marks stand in it), e.g. 10", low = MARGIN_MM[0], high = MARGIN_MM[1])]
     Margin { mm: f64 },

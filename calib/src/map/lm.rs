@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Why a fit failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LmError {
     #[error("{residuals} residuals cannot fix {parameters} parameters; more nodes are needed")]
     Underdetermined { residuals: usize, parameters: usize },

@@ -31,27 +31,19 @@ const CHANNELS: [&str; 6] = ["x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_r
 
 /// Why there is no finding.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {
-    /// A log.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// The rig's motion.
     #[error("image level: {0}")]
     Sim(#[from] SimError),
     /// The rig's `[[physics]]`.
     #[error("image level: {0}")]
     Effect(#[from] EffectError),
-    /// Too few frames.
     #[error(
         "image level: {found} of {frames} frames show a stripe, at least {LEAST_FRAMES} are needed: is the laser on, is it the rig's camera?"
     )]
-    Few {
-        /// With a stripe.
-        found: usize,
-        /// In the logs.
-        frames: usize,
-    },
-    /// No pose.
+    Few { found: usize, frames: usize },
     #[error(
         "image level: no frame lies on the rig's floor and target, whatever effect is assumed: is it the rig's target?"
     )]

@@ -224,20 +224,18 @@ impl Account {
 
 /// Why a log cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RecordedError {
-    /// The system's words.
     #[error("{0}")]
     Io(#[from] io::Error),
     /// A container that is none.
     #[error("{0}")]
     Container(String),
-    /// Written by hydroline.
     #[error("it is a log of hydroline already: nothing to import; use it as it is")]
     Ours,
     /// A log that is known, and of a kind that is not read.
     #[error("it is {what}, which is not read; {next}")]
     NotRead {
-        /// What it is.
         what: &'static str,
         /// What makes one of it that is read.
         next: &'static str,
@@ -249,7 +247,6 @@ pub enum RecordedError {
     Nothing {
         /// How many there are.
         messages: u64,
-        /// Why not.
         reasons: String,
     },
     /// Damaged so that no topic is left.
@@ -262,10 +259,5 @@ pub enum RecordedError {
     },
     /// A topic that is not there.
     #[error("no topic '{topic}' in it; name one of: {topics}")]
-    Topic {
-        /// As given.
-        topic: String,
-        /// Those with numbers.
-        topics: String,
-    },
+    Topic { topic: String, topics: String },
 }

@@ -20,6 +20,7 @@ pub enum ImageMessage {
 
 /// Why an image message cannot become a frame.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {
     /// An encoding we do not read.
     #[error("image encoding `{0}`; hydroline reads {READ}")]
@@ -31,7 +32,6 @@ pub enum ImageError {
         format: String,
         /// Size of the data.
         bytes: usize,
-        /// Decoder's words.
         reason: String,
     },
 }

@@ -103,7 +103,7 @@ pub struct Refined {
 
 /// Why nothing is refined.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RefineError {
     #[error("{frames} frames with a pose, at least {FRAMES_MIN} over the target are needed")]
     TooFew { frames: usize },

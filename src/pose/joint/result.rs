@@ -8,8 +8,8 @@ use nalgebra::Matrix6;
 
 /// Why a number is missing or larger in its sd than usual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PoseCaveat {
-    /// About the stripe.
     #[error(transparent)]
     Stripe(#[from] Caveat),
     /// No target in sight: x, y, ψ are not measured, θ is taken as zero (or as held) and z hangs on it.
@@ -114,7 +114,7 @@ impl JointPose {
 
 /// Why a frame gives no pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PoseFault {
     #[error("no stripe: {0}")]
     NoStripe(String),

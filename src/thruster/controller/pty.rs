@@ -19,7 +19,7 @@ pub type OnPulses = Box<dyn FnMut(ControllerEvent) + Send>;
 
 /// Why there is no pseudo-terminal.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PtyError {
     #[error("no pseudo-terminal: {0} (is devpts mounted on /dev/pts?)")]
     Open(io::Error),

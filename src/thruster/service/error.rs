@@ -8,7 +8,7 @@ use hydroline_rigs::ThrusterSet;
 
 /// Why the service does not start or take something.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ServiceError {
     /// The line is too slow for the rate.
     #[error(

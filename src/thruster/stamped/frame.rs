@@ -4,7 +4,7 @@ use super::{MAX_FRAME, VERSION, crc16};
 
 /// Why a received frame was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FrameError {
     /// No delimiter within the longest frame.
     #[error(

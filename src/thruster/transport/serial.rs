@@ -15,7 +15,7 @@ const MAX_WRITE: usize = 255;
 
 /// Why a port did not open.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum OpenError {
     /// Not there (unplugged, wrong identity).
     #[error("serial port {wanted} is not there: {hint}")]
