@@ -3,16 +3,19 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // a test
 
+use fixture::lshpi_rig;
 use hydroline_rigs::channel::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::Model;
 use hydroline_sim::effect::{CheckedEffect, EffectStack, check, find};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::model::ModelState;
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 type Loads = Vec<(f64, [f64; 6])>;
 

@@ -334,11 +334,6 @@ impl BufferQueue {
         }
     }
 
-    /// Buffers the kernel owns.
-    pub fn queued(&self) -> usize {
-        self.owners.iter().filter(|o| **o == Owner::Kernel).count()
-    }
-
     fn set(&mut self, index: u32, owner: Owner) {
         if let Some(slot) = self.owners.get_mut(index as usize) {
             *slot = owner;

@@ -23,6 +23,5 @@ pub mod plain;
 pub mod run;
 pub mod session;
 pub mod shutdown;
-pub mod synthetic;
 pub mod thread_class;
 pub mod water;

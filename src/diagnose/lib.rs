@@ -37,6 +37,10 @@ mod source;
 pub mod until;
 pub mod verdict;
 
+#[cfg(test)]
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
+
 pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;

@@ -47,11 +47,6 @@ impl FrameLedger {
             self.lost.remove("time_gap");
         }
     }
-
-    /// Sum over all causes.
-    pub fn lost_total(&self) -> u64 {
-        self.lost.values().sum()
-    }
 }
 
 /// Live counters of a recording.

@@ -11,7 +11,7 @@
 
 use super::extractor::Track;
 use super::haze::Haze;
-use super::synthetic::haze_over_pixel;
+use super::haze::haze_over_pixel;
 use hydroline_core::frame::{GreyImage, GreyView};
 
 /// Columns of a block.

@@ -1,8 +1,8 @@
 //! Fit of one column: row, height, width and background of the stripe near a given row.
 
 use super::clipped;
+use super::haze::haze_over_pixel;
 use super::kernel::{Kernel, LANES, Lanes, split, widened};
-use super::synthetic::haze_over_pixel;
 use hydroline_core::frame::GreyView;
 use wide::{f32x4, i16x8, i32x8};
 

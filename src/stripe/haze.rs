@@ -8,7 +8,6 @@
 
 use super::fit::{Fit, HazeShape};
 use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
-use super::synthetic::haze_over_pixel;
 use hydroline_core::frame::GreyView;
 use nalgebra::{Matrix3, Vector3};
 use wide::{f32x4, i16x8, i32x4, u8x16};
@@ -390,4 +389,11 @@ impl Haze {
             solved,
         }
     }
+}
+/// Haze integrated over the pixel at `distance_px` below the stripe: exp(-d/length) on one side.
+pub(super) fn haze_over_pixel(distance_px: f64, length_px: f64) -> f64 {
+    let along = distance_px * -length_px.signum();
+    let length = length_px.abs().max(1e-9);
+    let (from, to) = ((along - 0.5).max(0.0), (along + 0.5).max(0.0));
+    length * ((-from / length).exp() - (-to / length).exp())
 }

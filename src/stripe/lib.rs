@@ -13,14 +13,21 @@
 //! bits. Rows grow downwards; 0 = the centre of the top left pixel.
 //!
 //! ```
-//! use hydroline_stripe::synthetic::{StripeImage, render};
+//! use hydroline_core::frame::GreyImage;
 //! use hydroline_stripe::{Extractor, ExtractorConfig};
 //!
-//! let stripe = StripeImage { row0_px: 287.3, slope: 0.01, ..StripeImage::default() };
-//! let profile = Extractor::new(ExtractorConfig::default()).extract(&render(&stripe));
+//! // A stripe of sd 2 px that falls by one row in a hundred columns.
+//! let row_px = |column: f64| 287.3 + 0.01 * column;
+//! let level = |i: usize| {
+//!     let off_px = (i / 720) as f64 - row_px((i % 720) as f64);
+//!     (14.0 + 180.0 * (-off_px * off_px / 8.0).exp()).round() as u8
+//! };
+//! let pixels = (0..720 * 576).map(level).collect();
+//! let image = GreyImage { width_px: 720, height_px: 576, pixels };
+//! let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
 //! assert!(profile.points.len() > 700);
 //! for point in &profile.points {
-//!     assert!((point.row_px - stripe.row_px(point.column_px)).abs() < 0.3);
+//!     assert!((point.row_px - row_px(point.column_px)).abs() < 0.3);
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -43,7 +50,9 @@ mod path;
 mod report;
 mod scatter;
 mod segments;
-pub mod synthetic;
+#[cfg(test)]
+#[path = "tests/synthetic/mod.rs"]
+mod synthetic;
 mod trace;
 mod transpose;
 

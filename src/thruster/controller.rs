@@ -9,13 +9,11 @@
 mod config;
 mod device;
 mod faults;
-mod loopback;
 mod pty;
 mod serve;
 
 pub use config::ControllerConfig;
 pub use faults::Faults;
-pub use loopback::Loopback;
 pub use pty::{PtyController, PtyError};
 pub use serve::{ServeEnd, serve};
 
@@ -110,11 +108,6 @@ impl SimController {
             rng: StdRng::seed_from_u64(config.seed),
             config,
         }
-    }
-
-    /// Its clock at a host time \[us\], 32 bits.
-    pub fn clock_us(&self, host_ns: u64) -> u32 {
-        self.clock.read_us(host_ns)
     }
 
     /// What is put out now.

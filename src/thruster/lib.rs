@@ -37,6 +37,13 @@ pub mod service;
 pub mod stamped;
 pub mod transport;
 
+// The loopback names this crate as the bench does.
+#[cfg(test)]
+extern crate self as hydroline_thruster;
+#[cfg(test)]
+#[path = "tests/loopback/mod.rs"]
+mod loopback;
+
 pub use record::{CommandRecord, ControllerClock, EchoRecord, LinkRecord};
 pub use service::{NeutralHandle, PlanState, ServiceConfig, SetPoint, ThrusterService};
 

@@ -352,18 +352,6 @@ impl ThrusterService {
         self.shared.state()
     }
 
-    /// Waits until there is a link (its first neutral sent); false = none within `timeout`.
-    pub fn wait_for_link(&self, timeout: std::time::Duration) -> bool {
-        let until = std::time::Instant::now() + timeout;
-        while self.state() == State::Lost {
-            if std::time::Instant::now() >= until {
-                return false;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        true
-    }
-
     /// Counters.
     pub fn stats(&self) -> ServiceStats {
         self.shared.stats(|s| *s)

@@ -31,11 +31,8 @@ pub mod error {
     pub const CHANNEL: u16 = 1 << 4;
     /// The watchdog has put all outputs to neutral.
     pub const WATCHDOG: u16 = 1 << 5;
-    /// Supply voltage too low.
-    pub const UNDERVOLTAGE: u16 = 1 << 6;
-    /// An output stage reports a fault.
-    pub const OUTPUT: u16 = 1 << 7;
 
+    /// By bit; the last two are the controller's own: it sets them, nothing here acts on them.
     const NAMES: [&str; 8] = [
         "CRC error",
         "framing error",

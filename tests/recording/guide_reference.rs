@@ -89,11 +89,7 @@ fn kinds_that_are_looked_for_are_kinds_that_are_written() {
     let kinds = hydroline::event::EventKind::all();
     let kinds: BTreeSet<&str> = kinds.map(|k| k.name).collect();
     let mut seen = 0;
-    for file in [
-        "log/doctor/checks.rs",
-        "log/recover/ledger.rs",
-        "capture/log.rs",
-    ] {
+    for file in ["log/doctor/checks.rs", "log/recover/ledger.rs"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(file);
         let text = std::fs::read_to_string(path).unwrap();
         for arm in text.lines().filter(|l| l.contains("=>")) {
@@ -110,7 +106,7 @@ fn kinds_that_are_looked_for_are_kinds_that_are_written() {
             }
         }
     }
-    assert!(seen >= 8, "{seen}");
+    assert!(seen >= 7, "{seen}");
 }
 
 /// Every field of a command's JSON stands in its chapter.

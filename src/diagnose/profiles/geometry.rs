@@ -254,8 +254,9 @@ fn straightened(seen: [f64; 2], k: &[f64; 4]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture::lshpi_rig;
     use hydroline_rigs::{ParameterValue, PhysicsEntry};
-    use hydroline_sim::{EffectStack, Pose6, Renderer, fixture::lshpi_rig};
+    use hydroline_sim::{EffectStack, Pose6, Renderer};
 
     fn entry(effect: &str, numbers: &[(&str, f64)]) -> PhysicsEntry {
         PhysicsEntry {
@@ -302,7 +303,7 @@ mod tests {
             let geometry = Geometry::new(&rig, stack.optics(Optics::new(&rig)));
             let truth = Renderer::new(&rig)
                 .unwrap()
-                .profile_truth(&Pose6::from(pose.to_array()));
+                .profile_truth(&Pose6::from(pose.to_array()).into());
             assert!(truth.len() > 500);
             for p in truth {
                 let ray = geometry.ray(f64::from(p.column_px), p.row_px);

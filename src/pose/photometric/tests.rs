@@ -4,8 +4,8 @@ use super::plan::groups;
 use super::pose_geometry::PoseGeometry;
 use super::sums::INTERIOR;
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_calib::IdealMap;
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
 
 fn model() -> Photometric {

@@ -3,8 +3,11 @@
 
 use divan::{Bencher, black_box};
 use hydroline_core::frame::GreyImage;
-use hydroline_stripe::synthetic::{StripeImage, render};
 use hydroline_stripe::{Band, Extractor, ExtractorConfig};
+use synthetic::{StripeImage, render};
+
+#[path = "../tests/synthetic/mod.rs"]
+mod synthetic;
 
 fn main() {
     divan::main();

@@ -4,12 +4,15 @@
 //! opencv-python-headless numpy`, then `HYDROLINE_PYTHON=V/bin/python`); without them ours alone.
 
 use hydroline_core::frame::GreyImage;
-use hydroline_stripe::synthetic::{StripeImage, render, row_bound_px};
 use hydroline_stripe::{Band, Extractor, ExtractorConfig, Profile};
 use serde::Deserialize;
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
+use synthetic::{StripeImage, render, row_bound_px};
+
+#[path = "../tests/synthetic/mod.rs"]
+mod synthetic;
 
 const REPEATS: usize = 300;
 

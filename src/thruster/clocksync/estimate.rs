@@ -37,12 +37,6 @@ impl Estimate {
         self.controller_us + self.since_epoch_us(host_ns) * (1.0 + self.drift_ppm * 1e-6)
     }
 
-    /// Host CLOCK_MONOTONIC at a controller time (unwrapped) \[ns\].
-    pub fn host_at_ns(&self, controller_us: u64) -> u64 {
-        let host_us = (controller_us as f64 - self.controller_us) / (1.0 + self.drift_ppm * 1e-6);
-        (self.host_epoch_ns as f64 + host_us * 1e3).max(0.0) as u64
-    }
-
     /// Standard deviation of either conversion at a host time \[us\]; grows away from the epoch with the drift's.
     pub fn sd_at_us(&self, host_ns: u64) -> f64 {
         let t = self.since_epoch_us(host_ns) * 1e-6;

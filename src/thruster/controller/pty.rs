@@ -105,15 +105,6 @@ impl PtyController {
         }
     }
 
-    /// Lets an unplugged controller's time pass: its watchdog acts although no cable is there.
-    pub fn run_unplugged(&self) {
-        let mut on_pulses = self.on_pulses.held();
-        self.controller()
-            .poll(SystemClock.monotonic_ns(), &mut Vec::new(), &mut |e| {
-                on_pulses(e)
-            });
-    }
-
     /// Plugs it in (again).
     pub fn replug(&mut self) -> Result<(), PtyError> {
         self.unplug();

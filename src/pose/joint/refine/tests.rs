@@ -1,9 +1,9 @@
 //! A run seen by a rig whose sheet differs from its file.
 
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_calib::IdealMap;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig};
 
