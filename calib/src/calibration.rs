@@ -19,7 +19,6 @@ pub use board_map::{NodeResidual, Placement};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CalibError {
-    /// The file cannot be read at all.
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
     NoFile { file: String, reason: String },
     /// Not TOML, an unknown key, or a value of the wrong type.

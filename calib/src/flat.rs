@@ -133,7 +133,6 @@ pub enum FlatError {
     },
     #[error("{name}: {what}")]
     Unsteady { name: String, what: Unsteady },
-    /// Too little between floor and ceiling.
     #[error(
         "{blocks} places of the picture are seen between floor and ceiling under two exposures or more, over {span:.0} grey levels; {blocks_least} over {span_least:.0} are needed: choose a scene of many brightnesses, exposures that reach from dark to clipped, each at most three times the one before"
     )]
@@ -151,12 +150,10 @@ pub enum FlatError {
         "{:.0} % of the picture changed between exposures by more than its noise (at most {:.0} % may): camera, scene or light moved. Fix the camera, keep people and reflections out, and record again", 100.0 * share, 100.0 * most
     )]
     Moved { share: f64, most: f64 },
-    /// Levels do not follow the time.
     #[error(
         "{name}: light is {:+.0} % off what its exposure time says beside the others (at most {:.0} % may be): auto exposure, auto gain or auto white balance is on, the lamp changed, or the time is wrong. Set the camera's controls to manual, or leave this exposure out", 100.0 * share, 100.0 * most
     )]
     OffTime { name: String, share: f64, most: f64 },
-    /// Levels hardly follow the times at all.
     #[error(
         "grey levels follow the exposure time by a power of about {gamma:.2}; cameras have 0.2 to 5: auto exposure or auto gain is on, or the times are wrong. Set the camera's controls to manual and record again"
     )]

@@ -137,7 +137,6 @@ pub enum MapError {
         found: usize,
         needed: usize,
     },
-    /// A node with numbers that cannot be.
     #[error(
         "node {index} at pixel ({column_px}, {row_px}) has a coordinate or covariance that is not a sound number"
     )]
@@ -154,7 +153,6 @@ pub enum MapError {
     /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
-    /// The refractive map needs approximate camera parameters.
     #[error(
         "`refractive` needs an approximate focal length, port and water index (rig file: camera, port); none was given"
     )]

@@ -80,7 +80,6 @@ pub enum ProblemKind {
         "not valid TOML: {message}. Mend the syntax at that line; the other checks run once it parses"
     )]
     Syntax { message: String },
-    /// A key nobody reads.
     #[error("unknown key{}. Allowed here: {}", suggest(.suggestion), .allowed.join(", "))]
     UnknownKey {
         suggestion: Option<String>,
@@ -90,7 +89,6 @@ pub enum ProblemKind {
     /// A key or table that must be there.
     #[error("missing. Add {expected}")]
     Missing { expected: String },
-    /// A value of the wrong type.
     #[error("is {typed}, but must be {expected}")]
     WrongType {
         typed: String,

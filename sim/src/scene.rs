@@ -82,7 +82,6 @@ pub enum SceneError {
     /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// A number out of its range.
     #[error("{what} = {value}; it must lie in {low} .. {high}")]
     Range {
         /// Which number, with its unit.
@@ -91,10 +90,8 @@ pub enum SceneError {
         low: f64,
         high: f64,
     },
-    /// An outline that encloses nothing.
     #[error("target slab \"{slab}\": its outline {reason}")]
     Outline { slab: String, reason: &'static str },
-    /// A board that is no board.
     #[error("board \"{board}\": {what} = {value}; it must be positive and finite")]
     Board {
         board: String,

@@ -9,7 +9,6 @@ pub use allocation::{Allocated, Allocation, Saturation};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ThrustError {
-    /// The layout cannot make this load.
     #[error(
         "the thrusters cannot make {dof} {asked}: the best they reach is {reached}; {dof} is not spanned by their positions and directions"
     )]
@@ -20,7 +19,6 @@ pub enum ThrustError {
         /// What the least-squares allocation gives \[N or N m\].
         reached: f64,
     },
-    /// Not one value per thruster.
     #[error("{given} values for {thrusters} thrusters; give one each, in the rig's order")]
     Count {
         given: usize,
@@ -29,7 +27,6 @@ pub enum ThrustError {
     },
     #[error("{what} is {value}; it must be finite")]
     NotFinite { what: String, value: f64 },
-    /// A curve that is no curve.
     #[error(
         "thruster {thruster}: its pulse-to-thrust curve has {points} points; at least 2 with ascending pulses are needed"
     )]

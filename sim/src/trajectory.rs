@@ -27,7 +27,6 @@ pub enum TrajectoryError {
     /// A time or a load is NaN or infinite.
     #[error("{what} is {value}; it must be finite")]
     NotFinite { what: &'static str, value: f64 },
-    /// Older than what is kept.
     #[error(
         "{what} at {t_s:.3} s lies before the oldest kept state at {oldest_s:.3} s; ask or command in (roughly) increasing time"
     )]
@@ -49,7 +48,6 @@ pub enum TrajectoryError {
         /// Last good pitch \[rad\].
         theta_rad: f64,
     },
-    /// The grid is not a positive time.
     #[error("integration step {step_s} s; it must lie in 1e-5 .. 0.1 s")]
     Step {
         /// The step asked for \[s\].

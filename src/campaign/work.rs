@@ -55,7 +55,6 @@ impl std::fmt::Debug for Campaign<'_> {
 pub enum WorkError {
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A sheet that must be there first.
     #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
     Needs { unit: String, needs: String },
     /// The rig, which was read before.

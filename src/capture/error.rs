@@ -6,7 +6,6 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CaptureError {
-    /// A scripted or replayed source broke.
     #[error("{source_name}: {reason}")]
     Source { source_name: String, reason: String },
     #[error(
@@ -21,7 +20,6 @@ pub enum CaptureError {
     /// The rig's camera is not a V4L2 device.
     #[error("the rig's camera is simulated; only a V4L2 camera can be opened here")]
     NotV4l,
-    /// The node may not be opened.
     #[error("{node}: {reason}")]
     Access {
         node: PathBuf,
@@ -83,7 +81,6 @@ pub enum CaptureError {
         name: String,
         present: String,
     },
-    /// A control did not take its value.
     #[error(
         "control `{name}` of {node}: asked {asked}, {got}; allowed {min}..={max} in steps of {step}{hint}"
     )]

@@ -31,7 +31,6 @@ pub enum FolderError {
     Read { path: PathBuf, source: io::Error },
     #[error("{}: holds no images (.png, .jpg, .jpeg) among its {others} entries; name a folder with images", path.display())]
     Empty { path: PathBuf, others: usize },
-    /// Nothing says when the frames were true.
     #[error(
         "{}: the images' names do not end with UNIX times in nanoseconds (the first is {first}), so nothing says when they were true: give --rate-hz, the frames in a second",
         path.display()

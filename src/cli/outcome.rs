@@ -52,11 +52,11 @@ impl Outcome {
 
 /// Why a command has no result.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CliError {
     /// What was given cannot be used: arguments, a config file, an input file.
     #[error("{0}")]
     Config(String),
-    /// The run itself failed.
     #[error("{0}")]
     Run(String),
 }

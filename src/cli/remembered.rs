@@ -58,7 +58,6 @@ pub enum RememberError {
         "neither XDG_DATA_HOME nor HOME names a folder; set one, or give the file with --calibration"
     )]
     NoFolder,
-    /// The file could not be written.
     #[error("{path}: {reason}; give the calibration's own file with --calibration")]
     NotWritten { path: PathBuf, reason: String },
     #[error(transparent)]

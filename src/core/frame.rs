@@ -181,7 +181,6 @@ pub enum FrameError {
         /// Width, height in the image.
         got: (u32, u32),
     },
-    /// Too few bytes for the format.
     #[error(
         "frame {sequence}: {} {width_px}x{height_px} needs {needed} bytes, got {got}",
         format.name()

@@ -179,7 +179,6 @@ pub enum ReplayError {
     Refine(#[from] RefineError),
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
-    /// The rig's thrusters make no wrench.
     #[error("the rig's dynamics cannot be used to smooth: {reason}")]
     Dynamics { reason: String },
     #[error(

@@ -86,7 +86,6 @@ pub enum SimulateError {
     Plan(#[from] SetpointError),
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Noise that is not a standard deviation.
     #[error("noise {value} is not a standard deviation: it must be finite and >= 0")]
     Noise { value: f64 },
     #[error(transparent)]

@@ -29,7 +29,6 @@ pub enum DesignError {
     Thrust(#[from] ThrustError),
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Nothing can be driven.
     #[error(
         "no DOF{} can be driven within tank, [limits] and target: look at the start pose in [tank], at [limits] and at [[thruster]]",
         if asked.is_empty() { String::new() } else { format!(" of {}", asked.iter().map(|d| d.name()).collect::<Vec<_>>().join(", ")) }

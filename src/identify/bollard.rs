@@ -74,7 +74,6 @@ pub enum BollardError {
         /// Neutral \[us\].
         neutral_us: f64,
     },
-    /// A curve that no rig may hold.
     #[error(
         "the fitted thrust falls from {:.2} N at {:.1} us to {:.2} N at {:.1} us; check the readings there, and add some",
         from.1, from.0, to.1, to.0

@@ -79,7 +79,6 @@ pub enum IdentifyError {
         free: usize,
         dof: String,
     },
-    /// No run but ones at rest.
     #[error("all {0} log(s) are at rest: they measure the noise; add runs that move")]
     OnlyStill(usize),
     #[error("no run given")]

@@ -22,7 +22,6 @@ pub struct Solution {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum MethodError {
-    /// No starting point gives a finite motion.
     #[error(
         "no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units"
     )]

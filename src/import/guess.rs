@@ -37,12 +37,10 @@ pub struct Guess {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum GuessError {
-    /// No rows of numbers.
     #[error(
         "no table in its first {lines} lines: no two columns of numbers, whatever the separator; write the map by hand (`hydroline import --help` shows one)"
     )]
     NoTable { lines: usize },
-    /// No column of time.
     #[error(
         "no column of time, and no rate: {columns}; write the map by hand (`hydroline import --help` shows one), with [time] rate_hz = .. for rows at a rate"
     )]

@@ -90,12 +90,10 @@ pub enum ReproduceError {
     /// Identification from what was measured.
     #[error(transparent)]
     Identify(#[from] hydroline_identify::IdentifyError),
-    /// A rig whose target has no hexagons.
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
-    /// The reference frame gave nothing.
     #[error(
         "{motion:?}: the first frame gives no reference, so nothing can be measured against it"
     )]

@@ -39,7 +39,6 @@ pub trait LogOutput: Write + Send {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum NameLost {
-    /// The file has another name now.
     #[error("the log's file {} was renamed while it was being written: it is {} now", from.display(), to.display())]
     Renamed { from: PathBuf, to: PathBuf },
     /// The file was removed, or another file or file system stands in its place.

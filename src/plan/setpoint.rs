@@ -23,7 +23,6 @@ pub struct Setpoint {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SetpointError {
-    /// The layout does not make it.
     #[error("plan step {step} at {t_s:.2} s: {source}")]
     Thrust {
         /// Step, from 1.

@@ -24,7 +24,6 @@ use hydroline_rigs::Mounts;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum EstimatorFault {
-    /// An edge point is not there.
     #[error("edge point {point} is not in the frame: {what} needs it")]
     NoEdge {
         what: &'static str,

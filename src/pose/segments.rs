@@ -87,7 +87,6 @@ pub enum Caveat {
     EdgeMissing,
     #[error("the stripe shows one level only, taken for the floor")]
     OneLevel,
-    /// Step columns are whole pixels.
     #[error("steps are known to whole pixels only")]
     WholePixel,
 }

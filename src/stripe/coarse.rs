@@ -12,8 +12,6 @@ use wide::u8x16;
 pub(super) const BLOCK_ROWS: usize = 4;
 /// Most candidates kept in a column: the strongest.
 pub(super) const MAX_PER_COLUMN: usize = 12;
-/// Columns handled together when searching a band.
-pub(super) const TILE_COLUMNS: usize = 32;
 /// Columns compared at once; lines of the search are padded to a multiple of it.
 const CHUNK: usize = 16;
 

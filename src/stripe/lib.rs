@@ -32,7 +32,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod band;
 mod banding;
 mod ceiling;
 mod chains;
@@ -56,7 +55,6 @@ mod synthetic;
 mod trace;
 mod transpose;
 
-pub use band::Band;
 pub use config::{ExtractorConfig, Orientation};
 pub use extractor::Extractor;
 pub use output::{CSV_HEADER, annotate, write_csv};
@@ -123,7 +121,6 @@ pub enum ProfileFault {
         needed: usize,
         got: usize,
     },
-    /// Too small to hold a stripe.
     #[error(
         "image {width_px}x{height_px} is too small for a stripe: at least {min_columns}x{min_rows}"
     )]
@@ -135,7 +132,6 @@ pub enum ProfileFault {
         min_columns: usize,
         min_rows: usize,
     },
-    /// Nothing stands out of the noise.
     #[error(
         "no stripe: no place stands out of noise {noise_sd:.1} (mean grey level {mean_level:.0}); \
          is the laser on, the lens cap off, the exposure right?"

@@ -4,8 +4,8 @@ use hydroline_rigs::ThrustCurve;
 
 /// Why a thrust has no pulse.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CurveError {
-    /// Beyond the measured ends.
     #[error(
         "thrust {thrust_n} N is outside the curve's {min_n}..{max_n} N: lower the plan or measure the curve further"
     )]

@@ -53,7 +53,6 @@ pub enum ProbeError {
         "a Maestro in its factory mode 'UART, detect baud rate': set 'UART, fixed baud rate' (or 'USB dual port' over USB) in the Pololu Maestro Control Center, Serial Settings"
     )]
     DetectsBaud,
-    /// A Maestro that wants check sums.
     #[error(
         "a Maestro in CRC mode, which ignores commands without a check sum: take the tick off 'Enable CRC' in the Pololu Maestro Control Center, Serial Settings"
     )]

@@ -84,7 +84,6 @@ pub struct PulseLimits {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Refused {
-    /// Outside the range (or NaN).
     #[error(
         "thruster {index}: pulse {pulse_us} us is outside {min_us}..{max_us} us: nothing was sent; check the curve and [thrusters] limits"
     )]
@@ -99,7 +98,6 @@ pub enum Refused {
     },
     #[error("{got} pulses for {want} thrusters: nothing was sent")]
     Count { got: usize, want: usize },
-    /// The state does not allow running.
     #[error("thrusters are {state:?}: a set-point is not taken before they are armed again")]
     State { state: State },
 }

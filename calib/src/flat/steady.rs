@@ -20,8 +20,8 @@ const FLICKER_SAID: f64 = 0.005;
 
 /// What is not steady.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Unsteady {
-    /// Brightness goes one way.
     #[error(
         "its frames change by {:+.1} % in brightness from first to last: auto exposure or auto gain is on, or a lamp warms up. Set the camera's controls to manual, wait, and record again",
         100.0 * .0
@@ -33,7 +33,6 @@ pub enum Unsteady {
         100.0 * .0
     )]
     Flickers(f64),
-    /// Share of the picture that moves.
     #[error(
         "{:.0} % of the picture moves while it is recorded. Fix the camera, keep people and water still, and record again",
         100.0 * .0

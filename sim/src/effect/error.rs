@@ -6,7 +6,6 @@ use std::fmt::Write;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum EffectError {
-    /// No effect of this name.
     #[error("[[physics]] effect = \"{effect}\": no such effect{}; known: {}", suggest(.nearest), .known.join(", "))]
     UnknownEffect {
         effect: String,
@@ -14,7 +13,6 @@ pub enum EffectError {
         nearest: Option<&'static str>,
         known: Vec<&'static str>,
     },
-    /// The effect has no such parameter.
     #[error("[[physics]] {effect}: no parameter \"{parameter}\"{}; it takes: {}", suggest(.nearest), .known.join(", "))]
     UnknownParameter {
         effect: &'static str,
@@ -57,7 +55,6 @@ pub enum EffectError {
         expected: String,
         found: String,
     },
-    /// A parameter given twice.
     #[error("[[physics]] {effect}: {parameter} is given twice; keep one")]
     Repeated {
         effect: &'static str,

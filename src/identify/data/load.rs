@@ -25,7 +25,6 @@ pub enum LoadError {
         if *frames > 0 { "first measure the pose: hydroline replay LOG --rig RIG --out NEW.mcap" } else { "record, replay or import motion first" }
     )]
     NoMotion { log: String, frames: usize },
-    /// A window without a sample.
     #[error(
         "{log}: no motion between {from_s} s and {to_s} s; it ends at {end_s:.2} s: choose another LOG@FROM..TO"
     )]
@@ -38,7 +37,6 @@ pub enum LoadError {
         /// The log's last sample \[s\].
         end_s: f64,
     },
-    /// A command to a thruster nobody knows.
     #[error(
         "{log}: {commands} commands to '{thruster}', which is neither a thruster of the rig ({known}) nor surge, sway, heave, roll, pitch, yaw; use the rig this log was made with"
     )]
@@ -49,12 +47,10 @@ pub enum LoadError {
         /// Thrusters of the rig.
         known: String,
     },
-    /// The log was made with another vehicle.
     #[error(
         "{log}: another vehicle than the rig's by the rig it carries: {differences}; give the rig of this vehicle, or --other-rig if they are one"
     )]
     OtherVehicle { log: String, differences: String },
-    /// A command that is no number.
     #[error("{log}: the command to '{thruster}' at {t_s:.3} s is {value}; it must be finite")]
     CommandNotFinite {
         log: String,

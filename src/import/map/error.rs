@@ -9,7 +9,6 @@ pub enum MapError {
         path: String,
         source: std::io::Error,
     },
-    /// TOML or its keys.
     #[error(
         "{file}: {source}\nhydroline import --help shows a map; mend the line, or give another --map"
     )]

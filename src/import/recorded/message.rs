@@ -228,7 +228,6 @@ impl Account {
 pub enum RecordedError {
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// A container that is none.
     #[error("{0}")]
     Container(String),
     #[error("it is a log of hydroline already: nothing to import; use it as it is")]
@@ -240,7 +239,6 @@ pub enum RecordedError {
         /// What makes one of it that is read.
         next: &'static str,
     },
-    /// No message can be decoded.
     #[error(
         "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"
     )]
@@ -249,7 +247,6 @@ pub enum RecordedError {
         messages: u64,
         reasons: String,
     },
-    /// Damaged so that no topic is left.
     #[error(
         "no message of it can be read; {damage}; `hydroline recover` writes what is sound into a new file"
     )]
@@ -257,7 +254,6 @@ pub enum RecordedError {
         /// What was found instead.
         damage: String,
     },
-    /// A topic that is not there.
     #[error("no topic '{topic}' in it; name one of: {topics}")]
     Topic { topic: String, topics: String },
 }

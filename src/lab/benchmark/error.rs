@@ -40,7 +40,6 @@ pub enum ProveError {
     Diagnose { id: String, source: DiagnoseError },
     #[error("image-{index}: {reason}")]
     Images { index: usize, reason: String },
-    /// No case of the asked kind found.
     #[error(
         "{id}: no draw in {tries} gave what the category asks for (last: {last}); take another --seed"
     )]
@@ -59,10 +58,8 @@ pub enum ProveError {
         /// Why, and what to do.
         reason: String,
     },
-    /// A judged case cannot be laid down.
     #[error("{path}: cannot be written: {reason}; what was judged before it is kept")]
     NotKept { path: String, reason: String },
-    /// The motion left all bounds.
     #[error("the simulated motion is not finite at {t_s:.2} s")]
     Diverged {
         /// When \[s\].

@@ -22,10 +22,8 @@ pub enum ImageMessage {
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {
-    /// An encoding we do not read.
     #[error("image encoding `{0}`; hydroline reads {READ}")]
     Encoding(String),
-    /// The compressed image's header does not decode.
     #[error("{format} image of {bytes} bytes does not decode: {reason}")]
     Decode {
         /// Format as named in the message.

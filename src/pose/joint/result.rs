@@ -17,7 +17,6 @@ pub enum PoseCaveat {
         "a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed"
     )]
     BareFloor,
-    /// θ taken as known.
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
     /// The target repeats itself and no hint states which repetition.
@@ -26,7 +25,6 @@ pub enum PoseCaveat {
     /// Two different poses explain the frame about equally well.
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
-    /// Many pixels were set aside.
     #[error(
         "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
     )]
@@ -120,7 +118,6 @@ pub enum PoseFault {
     NoStripe(String),
     #[error(transparent)]
     Segments(#[from] SegmentError),
-    /// The image is not the map's.
     #[error(
         "image is {got_px:?}, the calibration holds for {wanted_px:?}: use the camera's own calibration"
     )]
@@ -154,7 +151,6 @@ pub enum PoseFault {
         /// The hint \[m\].
         hint_m: f64,
     },
-    /// The fit does not explain the frame.
     #[error(
         "the best pose leaves {chi:.1} times the noise in the pixels: {}",
         glare(light)
@@ -164,7 +160,6 @@ pub enum PoseFault {
         chi: f64,
         light: LightSeen,
     },
-    /// The fit did not converge.
     #[error("the fit of the pose did not converge")]
     NotConverged,
 }

@@ -23,14 +23,12 @@ pub type OnPulses = Box<dyn FnMut(ControllerEvent) + Send>;
 pub enum PtyError {
     #[error("no pseudo-terminal: {0} (is devpts mounted on /dev/pts?)")]
     Open(io::Error),
-    /// The stable name could not be made.
     #[error("cannot link {link} to {node}: {error}; name another path, or remove what is there")]
     Link {
         link: PathBuf,
         node: PathBuf,
         error: io::Error,
     },
-    /// The controller's thread could not be started.
     #[error("cannot start the controller's thread: {0}")]
     Thread(io::Error),
 }

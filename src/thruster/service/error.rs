@@ -30,12 +30,10 @@ pub enum ServiceError {
         channels: Vec<u8>,
         reason: &'static str,
     },
-    /// The thread did not start.
     #[error("cannot start the thruster thread: {0}")]
     Thread(std::io::Error),
     #[error("the thruster service has ended ({state:?}): see its events")]
     Ended { state: State },
-    /// The producer is faster than the line.
     #[error("the thruster service's queue is full: set-points come faster than link.rate_hz")]
     Full,
 }
