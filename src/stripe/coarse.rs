@@ -133,11 +133,8 @@ pub(super) fn search(
     scratch: &mut CoarseScratch,
     spots: &mut Spots,
 ) {
-    // The same twice: lines of a length known to the compiler need no loops.
-    match tile.to.saturating_sub(tile.from) {
-        TILE_COLUMNS => search_lines(image, tile, TILE_COLUMNS, threshold, scratch, spots),
-        width => search_lines(image, tile, width, threshold, scratch, spots),
-    }
+    let width = tile.to.saturating_sub(tile.from);
+    search_lines(image, tile, width, threshold, scratch, spots);
 }
 
 #[inline(always)]
@@ -260,6 +257,9 @@ fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    /// Columns of a tile.
+    const TILE_COLUMNS: usize = 32;
+
     use super::*;
     use crate::synthetic::{StripeImage, render};
     use hydroline_core::frame::GreyImage;
