@@ -82,7 +82,7 @@ pub enum Event {
     },
 }
 
-/// The next thing to do; the event that it ends with is told to [`Series::next`].
+/// The next thing to do; the event that it ends with goes to [`Series::next`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
     /// Diagnose the runs, and propose plans for the next one.
