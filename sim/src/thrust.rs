@@ -2,7 +2,6 @@
 
 mod allocation;
 
-pub(crate) use allocation::array;
 pub use allocation::{Allocated, Allocation, Saturation};
 
 /// What can go wrong between a wrench and the pulses.

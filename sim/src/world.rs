@@ -7,7 +7,7 @@
 use crate::effect::EffectError;
 use crate::model::{Model, ModelState};
 use crate::scene::{FramePoses, Pose6};
-use crate::thrust::{Allocation, ThrustError, array};
+use crate::thrust::{Allocation, ThrustError};
 use crate::trajectory::{GRID_STEP_S, Trajectory, TrajectoryError};
 use crate::vehicle::VehicleState;
 use hydroline_rigs::{Rig, Wrench};
@@ -61,7 +61,7 @@ impl World {
     /// # Errors
     /// [`TrajectoryError`] when it is not finite or older than the kept history.
     pub fn command(&mut self, t_s: f64, wrench: &Wrench) -> Result<(), SimError> {
-        Ok(self.trajectory.command(t_s, array(wrench))?)
+        Ok(self.trajectory.command(t_s, wrench.to_array())?)
     }
 
     /// Thrusts \[N\] per thruster in the rig's order, stamped `t_s`.

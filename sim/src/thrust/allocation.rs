@@ -106,7 +106,7 @@ impl Allocation {
     /// # Errors
     /// [`ThrustError::NotSpanned`] when the layout cannot make a component, [`ThrustError::NotFinite`].
     pub fn allocate(&self, wrench: &Wrench) -> Result<Allocated, ThrustError> {
-        let asked = array(wrench);
+        let asked = wrench.to_array();
         for (dof, v) in Dof::ALL.iter().zip(asked) {
             finite(|| format!("commanded {}", dof.name()), v)?;
         }
@@ -154,7 +154,7 @@ impl Allocation {
     pub fn wrench(&self, thrust_n: &[f64]) -> Result<Wrench, ThrustError> {
         self.count(thrust_n)?;
         let w = &self.matrix * DVector::from_column_slice(thrust_n);
-        Ok(from_array([w[0], w[1], w[2], w[3], w[4], w[5]]))
+        Ok(Wrench::from_array([w[0], w[1], w[2], w[3], w[4], w[5]]))
     }
 
     /// Thrusts \[N\] of given pulses \[us\], cut to the rig's pulse range as its controller would.
@@ -195,24 +195,6 @@ fn finite(what: impl Fn() -> String, value: f64) -> Result<(), ThrustError> {
             what: what(),
             value,
         })
-    }
-}
-
-/// Wrench as an array in SNAME order.
-pub(crate) fn array(w: &Wrench) -> [f64; 6] {
-    [
-        w.surge_n, w.sway_n, w.heave_n, w.roll_nm, w.pitch_nm, w.yaw_nm,
-    ]
-}
-
-fn from_array([surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm]: [f64; 6]) -> Wrench {
-    Wrench {
-        surge_n,
-        sway_n,
-        heave_n,
-        roll_nm,
-        pitch_nm,
-        yaw_nm,
     }
 }
 

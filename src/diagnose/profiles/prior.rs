@@ -200,16 +200,7 @@ fn path(
     let mut out = Vec::with_capacity(times_s.len());
     for t_s in times_s {
         while let Some(c) = run.commands.get(next).filter(|c| c.t_s + late_s <= *t_s) {
-            let [surge_n, sway_n, heave_n, roll_nm, pitch_nm, yaw_nm] = c.wrench;
-            let wrench = Wrench {
-                surge_n,
-                sway_n,
-                heave_n,
-                roll_nm,
-                pitch_nm,
-                yaw_nm,
-            };
-            world.command(c.t_s + late_s, &wrench)?;
+            world.command(c.t_s + late_s, &Wrench::from_array(c.wrench))?;
             next += 1;
         }
         out.push(world.state_at(*t_s)?.eta);

@@ -7,9 +7,9 @@ proptest! {
     #[test]
     fn a_small_wrench_is_made_exactly_and_with_least_norm(w in proptest::array::uniform6(-3.0..3.0f64), null in -1.0..1.0f64) {
         let a = Allocation::new(&lshpi_rig().thrusters).unwrap();
-        let made = a.allocate(&from_array(w)).unwrap();
+        let made = a.allocate(&Wrench::from_array(w)).unwrap();
         prop_assert!(made.saturated.is_empty());
-        for (got, asked) in array(&made.wrench).iter().zip(w) {
+        for (got, asked) in made.wrench.to_array().iter().zip(w) {
             prop_assert!((got - asked).abs() < 1e-9);
         }
         // Any other solution (add a null-space vector) costs more.
