@@ -6,6 +6,7 @@
 mod all_dofs;
 mod calibration;
 mod chain;
+mod coefficient_errors;
 mod disturbed;
 mod experiment;
 mod figure;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ReproduceError;
+use super::coefficient_errors::{CoefficientErrors, Identified};
 use super::experiment::{Experiment, Seen, guess_of};
 use hydroline_core::run::Run;
 use hydroline_identify::data::Start;
@@ -87,8 +88,7 @@ fn experiments(dof: Dof) -> [Experiment; 2] {
 }
 
 struct Outcome {
-    values: [f64; 3],
-    sds: [f64; 3],
+    identified: Identified,
     position_rms: f64,
     lost: f64,
 }
@@ -120,12 +120,7 @@ pub fn dofs(
         .par_iter()
         .map(|(dof, seed)| {
             let runs = experiments(*dof);
-            let seen: Result<Vec<Seen>, ReproduceError> = runs
-                .iter()
-                .enumerate()
-                .map(|(k, r)| r.see(&rig, 1000 * seed + k as u64))
-                .collect();
-            let seen = seen?;
+            let seen = Experiment::see_all(&runs, &rig, *seed)?;
             let both = [
                 fit(*dof, &guess, &runs, &seen, |s| &s.formula)?,
                 fit(*dof, &guess, &runs, &seen, |s| &s.joint)?,
@@ -193,14 +188,16 @@ fn fit(
         1f64.to_degrees()
     };
     Ok(Outcome {
-        values: keys.map(|k| found.value(k).unwrap_or(f64::NAN)),
-        sds: keys.map(|k| {
-            found
-                .parameters
-                .get(k)
-                .and_then(|p| p.sd)
-                .unwrap_or(f64::NAN)
-        }),
+        identified: Identified {
+            values: keys.map(|k| found.value(k).unwrap_or(f64::NAN)),
+            sds: keys.map(|k| {
+                found
+                    .parameters
+                    .get(k)
+                    .and_then(|p| p.sd)
+                    .unwrap_or(f64::NAN)
+            }),
+        },
         position_rms: unit * (square / answered.max(1) as f64).sqrt(),
         lost: 1.0 - answered as f64 / frames.max(1) as f64,
     })
@@ -210,11 +207,9 @@ fn row(dof: Dof, estimator: &str, rig: &Rig, of: &[(&Outcome, usize)]) -> DofRow
     let terms = Coefficient::of(dof);
     let actual = terms.map(|c| c.of_vehicle(&rig.vehicle));
     let n = of.len().max(1) as f64;
-    let percent = |o: &Outcome, k: usize| 100.0 * (o.values[k] - actual[k]) / actual[k].abs();
-    let three = |f: &dyn Fn(usize) -> f64| -> [f64; 3] { std::array::from_fn(f) };
-    let rms = |f: &dyn Fn(&Outcome) -> f64| {
-        (of.iter().map(|(o, _)| f(o).powi(2)).sum::<f64>() / n).sqrt()
-    };
+    let found: Vec<Identified> = of.iter().map(|(o, _)| o.identified).collect();
+    let errors = CoefficientErrors::of(actual, &found);
+    let square = of.iter().map(|(o, _)| o.position_rms.powi(2)).sum::<f64>();
     DofRow {
         dof: dof.name().to_owned(),
         estimator: estimator.to_owned(),
@@ -222,15 +217,11 @@ fn row(dof: Dof, estimator: &str, rig: &Rig, of: &[(&Outcome, usize)]) -> DofRow
         frames: of.first().map_or(0, |o| o.1),
         symbols: terms.map(|c| c.symbol().to_owned()),
         actual,
-        mean_percent: three(&|k| of.iter().map(|(o, _)| percent(o, k)).sum::<f64>() / n),
-        rms_percent: three(&|k| rms(&|o| percent(o, k))),
-        sd_percent: three(&|k| rms(&|o| 100.0 * o.sds[k] / actual[k])),
-        worst_in_sd: three(&|k| {
-            of.iter()
-                .map(|(o, _)| ((o.values[k] - actual[k]) / o.sds[k]).abs())
-                .fold(0.0, f64::max)
-        }),
-        position_rms: rms(&|o| o.position_rms),
+        mean_percent: errors.mean_percent,
+        rms_percent: errors.rms_percent,
+        sd_percent: errors.sd_percent,
+        worst_in_sd: errors.worst_in_sd,
+        position_rms: (square / n).sqrt(),
         lost: of.iter().map(|(o, _)| o.lost).sum::<f64>() / n,
     }
 }

@@ -123,6 +123,15 @@ impl Experiment {
             .collect()
     }
 
+    /// Sees the runs of one experiment, each with noise of its own.
+    ///
+    /// # Errors
+    /// [`ReproduceError`].
+    pub fn see_all(runs: &[Experiment], rig: &Rig, seed: u64) -> Result<Vec<Seen>, ReproduceError> {
+        let each = runs.iter().zip(1000 * seed..);
+        each.map(|(run, own)| run.see(rig, own)).collect()
+    }
+
     /// Renders the run with the noise of `seed` and measures every frame both ways.
     ///
     /// # Errors

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ReproduceError;
+use super::coefficient_errors::{CoefficientErrors, Identified};
 use super::experiment::{Experiment, Seen, Swing, guess_of};
 use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_core::run::Run;
@@ -123,8 +124,7 @@ fn experiments(pitch: bool, yaw: bool, l_laser_m: f64) -> [Experiment; 2] {
 
 /// What one experiment (both runs) gave with one estimator.
 struct Outcome {
-    values: [f64; 3],
-    sds: [f64; 3],
+    identified: Identified,
     position_m: [f64; 2],
     position_rms_m: [f64; 2],
     lost: f64,
@@ -189,12 +189,7 @@ fn one(
     runs: &[Experiment; 2],
     seed: u64,
 ) -> Result<[Outcome; 2], ReproduceError> {
-    let seen: Result<Vec<Seen>, ReproduceError> = runs
-        .iter()
-        .enumerate()
-        .map(|(k, r)| r.see(rig, 1000 * seed + k as u64))
-        .collect();
-    let seen = seen?;
+    let seen = Experiment::see_all(runs, rig, seed)?;
     let paper = fit(
         guess,
         runs,
@@ -264,8 +259,10 @@ fn fit(
     let answered: usize = each.iter().map(Vec::len).sum();
     let two = |f: &dyn Fn(&[f64]) -> f64| [f(&each[0]), f(&each[1])];
     Ok(Outcome {
-        values: number(&|p| p.value),
-        sds: number(&|p| p.sd.unwrap_or(f64::NAN)),
+        identified: Identified {
+            values: number(&|p| p.value),
+            sds: number(&|p| p.sd.unwrap_or(f64::NAN)),
+        },
         position_m: two(&|e| e.iter().fold(0.0_f64, |m, v| m.max(v.abs()))),
         position_rms_m: two(&|e| {
             let n = e.len().max(1) as f64;
@@ -280,25 +277,28 @@ fn fit(
 fn row(c: usize, condition: &str, estimator: &str, of: &[&Outcome]) -> Row {
     let actual = TABLE10[0].1;
     let n = of.len().max(1) as f64;
-    let percent = |o: &Outcome, k: usize| 100.0 * (o.values[k] - actual[k]) / actual[k].abs();
+    let found: Vec<Identified> = of.iter().map(|o| o.identified).collect();
+    let errors = CoefficientErrors::of(actual, &found);
     let three = |f: &dyn Fn(usize) -> f64| -> [f64; 3] { std::array::from_fn(f) };
     let rms =
         |f: &dyn Fn(&Outcome) -> f64| (of.iter().map(|o| f(o).powi(2)).sum::<f64>() / n).sqrt();
     let most = |f: &dyn Fn(&Outcome) -> f64| of.iter().map(|o| f(o)).fold(0.0, f64::max);
     let predicted: Vec<[f64; 3]> = of
         .iter()
-        .map(|o| TABLE11_THRUST_N.map(|x| 1e3 * largest_error_m(actual, o.values, x, 5.0)))
+        .map(|o| {
+            TABLE11_THRUST_N.map(|x| 1e3 * largest_error_m(actual, o.identified.values, x, 5.0))
+        })
         .collect();
     let printed = TABLE10[c + 1].1;
     Row {
         condition: condition.to_owned(),
         estimator: estimator.to_owned(),
         seeds: of.len(),
-        mean_percent: three(&|k| of.iter().map(|o| percent(o, k)).sum::<f64>() / n),
-        rms_percent: three(&|k| rms(&|o| percent(o, k))),
+        mean_percent: errors.mean_percent,
+        rms_percent: errors.rms_percent,
         printed_percent: three(&|k| 100.0 * (printed[k] - actual[k]) / actual[k].abs()),
-        sd_percent: three(&|k| rms(&|o| 100.0 * o.sds[k] / actual[k])),
-        worst_in_sd: three(&|k| most(&|o| ((o.values[k] - actual[k]) / o.sds[k]).abs())),
+        sd_percent: errors.sd_percent,
+        worst_in_sd: errors.worst_in_sd,
         prediction_mm: three(&|k| (predicted.iter().map(|p| p[k].powi(2)).sum::<f64>() / n).sqrt()),
         prediction_worst_mm: three(&|k| predicted.iter().map(|p| p[k]).fold(0.0, f64::max)),
         prediction_printed_mm: TABLE11_PRINTED_MM[c],
