@@ -5,11 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use hydroline_core::run::{Channel, Run};
 use hydroline_numerics::information::Covariance;
 
-#[cfg(test)]
-use super::estimate::Fit;
 use super::response::{COEFFICIENTS, Loads, simulate};
-#[cfg(test)]
-use hydroline_numerics::least_squares::LeastSquares;
 
 /// Places of offset and drift among the unknowns; drift in parts per thousand, which makes both of one size.
 pub(super) const SHARED: usize = 2;
@@ -51,9 +47,6 @@ pub struct Aligned {
     pub drift_sd: f64,
     /// For a person.
     pub warnings: Vec<String>,
-    /// All unknowns, and which of them were held.
-    #[cfg(test)]
-    pub(super) at: (DVector<f64>, Vec<bool>),
 }
 
 /// Ways along the body's axes, summed from sample to sample by the attitude between them.
@@ -203,26 +196,6 @@ impl Problem {
         // From the middle to the first command.
         let back = -self.middle_s * DRIFT_UNIT;
         (vo + 2.0 * back * vod + back * back * vd, vd)
-    }
-
-    /// The least sd of offset and drift that any estimate can have under white noise of these sds, all coefficients
-    /// unknown too (Cramer and Rao).
-    #[cfg(test)]
-    pub(super) fn bound(&self, found: &Aligned, sds: &[f64]) -> Result<[f64; 2], String> {
-        let mut own = self.copy();
-        for (s, sd) in own.series.iter_mut().zip(sds) {
-            (s.sd, s.rho) = (*sd, 0.0);
-        }
-        let (at, held) = &found.at;
-        let mut fit = Fit {
-            problem: &own,
-            held: held.clone(),
-        };
-        let mut residuals = Vec::new();
-        fit.begin(at, &mut residuals)?;
-        let normal = fit.linearise(at, &residuals)?;
-        let (offset, drift) = own.variances(&normal.hessian, held);
-        Ok([offset.sqrt(), drift.sqrt() * DRIFT_UNIT])
     }
 
     pub(super) fn copy(&self) -> Problem {

@@ -30,15 +30,6 @@ impl Likelihood {
     fn ln(&self, f: &DVector<f64>) -> f64 {
         f.dot(&self.slope) - 0.5 * f.dot(&(&self.information * f))
     }
-
-    /// Log evidence of the table itself under its prior's precision.
-    #[cfg(test)]
-    pub fn of_table(&self, prior: &DMatrix<f64>) -> Option<f64> {
-        let before = Cholesky::new(prior.clone())?;
-        let after = Cholesky::new(&self.information + prior)?;
-        let gain = 0.5 * self.slope.dot(&after.solve(&self.slope));
-        Some(gain + 0.5 * (ln_determinant(&before) - ln_determinant(&after)))
-    }
 }
 
 /// A form at work on the points.

@@ -1,10 +1,79 @@
-//! Errors of three coefficients over many experiments.
+//! Three coefficients, identified in each of many experiments, and their errors.
+
+use hydroline_core::run::Run;
+use hydroline_identify::data::Start;
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::problem::Objective;
+use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_rigs::{Dof, Rig};
+use rayon::prelude::*;
+
+use super::ReproduceError;
+use super::experiment::{Experiment, Seen};
+
+/// Estimators of one experiment, in the order of their outcomes.
+pub(super) const ESTIMATORS: [&str; 2] = ["paper", "joint"];
+
+/// Outcomes of the experiments 1 to `seeds` under each of the `chosen` conditions, condition by condition.
+pub(super) fn by_condition<C: Copy + Sync, O: Send>(
+    chosen: &[C],
+    seeds: u64,
+    one: impl Fn(C, u64) -> Result<O, ReproduceError> + Sync,
+) -> Result<Vec<(C, Vec<O>)>, ReproduceError> {
+    let all: Vec<(C, u64)> = chosen
+        .iter()
+        .flat_map(|c| (1..=seeds).map(move |seed| (*c, seed)))
+        .collect();
+    let found: Result<Vec<O>, ReproduceError> = all.par_iter().map(|(c, s)| one(*c, *s)).collect();
+    let mut found = found?.into_iter();
+    Ok(chosen
+        .iter()
+        .map(|c| (*c, (1..=seeds).map_while(|_| found.next()).collect()))
+        .collect())
+}
 
 /// Three coefficients as one experiment identified them, in SI.
 #[derive(Clone, Copy)]
 pub(super) struct Identified {
     pub values: [f64; 3],
     pub sds: [f64; 3],
+}
+
+impl Identified {
+    /// Identifies the coefficients of `dof` from one estimator's `positions` in the runs of an experiment.
+    pub fn from_positions(
+        dof: Dof,
+        guess: &Rig,
+        runs: &[Experiment; 2],
+        seen: &[Seen],
+        positions: impl Fn(&Seen) -> &Vec<f64>,
+        (objective, start): (Objective, Start),
+    ) -> Result<Identified, ReproduceError> {
+        let data: Vec<Run> = runs
+            .iter()
+            .zip(seen)
+            .map(|(r, s)| r.run(s, positions(s)))
+            .collect();
+        let found = identify(
+            &data,
+            guess,
+            &Options {
+                model: ModelChoice::Axis(dof),
+                method: &LevenbergMarquardt { starts: 3 },
+                objective,
+                start,
+                cross_validate: false,
+                ..Options::default()
+            },
+        )?;
+        let keys = Coefficient::of(dof).map(Coefficient::key);
+        let sd = |k: &str| found.parameters.get(k).and_then(|p| p.sd);
+        Ok(Identified {
+            values: keys.map(|k| found.value(k).unwrap_or(f64::NAN)),
+            sds: keys.map(|k| sd(k).unwrap_or(f64::NAN)),
+        })
+    }
 }
 
 /// Errors of the coefficients, each over all experiments.

@@ -85,6 +85,14 @@ pub struct Seen {
     pub psi_s_rad: Option<f64>,
 }
 
+impl Seen {
+    /// Errors of one estimator's positions; those without an answer are left out.
+    pub fn finite_errors(&self, positions: &[f64]) -> Vec<f64> {
+        let errors = positions.iter().zip(&self.truth).map(|(p, t)| p - t);
+        errors.filter(|e| e.is_finite()).collect()
+    }
+}
+
 impl Experiment {
     /// Displacement and pose at every frame.
     fn motion(&self, vehicle: &Vehicle) -> Result<Vec<(f64, f64, Pose)>, ReproduceError> {

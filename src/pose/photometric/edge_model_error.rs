@@ -41,7 +41,7 @@ pub(super) struct EdgeName {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct EdgeModelError {
     /// `None`: not estimated yet.
-    edges: Option<Vec<(EdgeName, f64)>>,
+    pub(super) edges: Option<Vec<(EdgeName, f64)>>,
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
     /// state compared and held fixed after that: otherwise the fit could lower its cost by raising the model error.
     pub(super) of_pixels: Vec<f32>,
@@ -79,21 +79,6 @@ impl EdgeModelError {
             ),
             of_pixels: Vec::new(),
             grid_share,
-        }
-    }
-
-    /// All edges alike.
-    #[cfg(test)]
-    pub fn alike(sums: &EdgesSeen, model_error_sd: f64) -> EdgeModelError {
-        EdgeModelError {
-            edges: Some(
-                sums.edges
-                    .iter()
-                    .map(|e| (e.name, model_error_sd))
-                    .collect(),
-            ),
-            of_pixels: Vec::new(),
-            grid_share: sums.grid_share,
         }
     }
 

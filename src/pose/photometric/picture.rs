@@ -59,28 +59,12 @@ pub(crate) struct Uneven {
     /// Of each row: light that flickers, and its sd.
     pub rows: Rows,
     /// Of blocks of pixels, by rows: lamps and what they light.
-    blocks: Vec<f64>,
-    across: usize,
-    /// Of the blocks.
-    blocks_sd: f64,
+    pub(super) blocks: Vec<f64>,
+    pub(super) across: usize,
+    pub(super) blocks_sd: f64,
 }
 
 impl Uneven {
-    /// Rows that differ from the dark and are known.
-    #[cfg(test)]
-    pub fn of_rows(dark: f64, level: Vec<f64>) -> Self {
-        Uneven {
-            dark,
-            rows: Rows {
-                sd: vec![0.0; level.len()],
-                level,
-            },
-            blocks: Vec::new(),
-            across: 0,
-            blocks_sd: 0.0,
-        }
-    }
-
     /// Sd of a row's level where blocks and rows are separated \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
