@@ -15,7 +15,7 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, Plan, RunParameters, State, Sums,
+    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, RunParameters, State,
     THICKNESS, Weighting,
 };
 use super::super::sheet::SheetTable;
@@ -39,9 +39,9 @@ pub const FRAMES_MIN: usize = 3;
 /// Differences by which a geometry is tried at first \[rad\], \[rad\], \[m\].
 const TRIED: [f64; 3] = [5e-4, 5e-4, 2e-6];
 const ITERATIONS: usize = 8;
-/// Squared Newton decrement, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
-const FRAME_CONVERGED: f64 = 1e-3;
-const FRAME_ITERATIONS: usize = 12;
+/// Most iterations of the fit of a frame's own (pose, brightness and background), and the squared Newton decrement, in sds,
+/// at which it ends: its cost is right to a thousandth.
+const FRAME_LIMITS: (usize, Convergence) = (12, Convergence::All(1e-3));
 /// Half of the columns without edges; the poses move little.
 const COLUMNS: Choice = Choice {
     step: 1,
@@ -388,7 +388,6 @@ impl PoseFitter {
         let plan = self.model.plan(&start, COLUMNS);
         let huber = self.first_weighting(picture, profile);
         let none = &mut EdgeModelError::default();
-        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
         let converged = self.converge(
             &self.model,
             &plan,
@@ -397,7 +396,7 @@ impl PoseFitter {
             &free,
             &huber,
             none,
-            limits,
+            FRAME_LIMITS,
         )?;
         Some(converged.0)
     }
@@ -440,7 +439,16 @@ impl PoseFitter {
         let huber = self.first_weighting(picture, profile);
         let none = &mut EdgeModelError::default();
         let free = &own.free;
-        let (near, seen) = self.frame(model, &plan, picture, start, free, &huber, none)?;
+        let (near, seen) = self.converge(
+            model,
+            &plan,
+            picture,
+            start,
+            free,
+            &huber,
+            none,
+            FRAME_LIMITS,
+        )?;
         let weighting = Weighting {
             noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
             cut: CUT,
@@ -448,7 +456,7 @@ impl PoseFitter {
             ..huber
         };
         let mut model_error = EdgeModelError::found_apart(&seen.edges, weighting.noise_sd);
-        let (state, first) = self.frame(
+        let (state, first) = self.converge(
             model,
             &plan,
             picture,
@@ -456,6 +464,7 @@ impl PoseFitter {
             free,
             &weighting,
             &mut model_error,
+            FRAME_LIMITS,
         )?;
         own.state = State {
             pose: rotated(&state.pose, &here.turn()),
@@ -464,7 +473,7 @@ impl PoseFitter {
         let mut costs = vec![first.cost];
         for (geometry, model) in tried.iter().skip(1) {
             let start = at(&own.state, geometry);
-            let (_, sums) = self.frame(
+            let (_, sums) = self.converge(
                 model,
                 &plan,
                 picture,
@@ -472,35 +481,11 @@ impl PoseFitter {
                 free,
                 &weighting,
                 &mut model_error,
+                FRAME_LIMITS,
             )?;
             costs.push(sums.cost);
         }
         Some(costs)
-    }
-
-    /// Fits what is a frame's own: pose (but what of it is held), brightness and background.
-    #[allow(clippy::too_many_arguments)]
-    fn frame(
-        &self,
-        model: &Photometric,
-        plan: &Plan,
-        picture: &Picture<'_>,
-        start: State,
-        free: &[bool; PARAMETERS],
-        weighting: &Weighting,
-        model_error: &mut EdgeModelError,
-    ) -> Option<(State, Sums)> {
-        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
-        self.converge(
-            model,
-            plan,
-            picture,
-            start,
-            free,
-            weighting,
-            model_error,
-            limits,
-        )
     }
 
     /// What of a frame over its target is free under a hint.
