@@ -144,7 +144,6 @@ pub fn change(
     Ok(conclude(date, since, &hypotheses, samples))
 }
 
-/// The rig with these coefficients.
 fn at(rig: &Rig, coefficients: &Coefficients) -> Rig {
     let mut with = rig.clone();
     for (key, number) in &coefficients.numbers {
@@ -206,7 +205,6 @@ impl Wider {
     }
 }
 
-/// The rig with a thruster that gives a share of its thrust.
 fn with_share(rig: &Rig, thruster: usize, share: f64) -> Rig {
     let mut with = rig.clone();
     for part in &mut with.thrusters.thrusters[thruster].direction {

@@ -21,7 +21,6 @@ const TRENDS: usize = 6;
 const PLANS: usize = 6;
 /// Points of a trend: of more runs each point is of several, one after the other.
 const TREND_POINTS: usize = 300;
-/// Nanoseconds in a day.
 const DAY_NS: f64 = 86_400e9;
 
 /// Columns of the table of runs.
@@ -48,7 +47,6 @@ struct OfGroup {
     determined: BTreeMap<String, usize>,
     /// Least and greatest per channel, and of how many runs.
     covered: BTreeMap<&'static str, ([f64; 2], usize)>,
-    /// Runs by plan.
     plans: BTreeMap<String, Vec<Drawn>>,
     /// Of the coefficients that are drawn: time since the first run \[d\], value, sd.
     trends: Vec<(String, Vec<[f64; 3]>)>,

@@ -159,8 +159,9 @@ const AFTER_VOID: u64 = 2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     /// We; to be queued, not before this time (0 = at once).
-    Us { not_before_ns: u64 },
-    /// The kernel.
+    Us {
+        not_before_ns: u64,
+    },
     Kernel,
     /// We; the frame in it is being copied out.
     Held,
@@ -171,14 +172,21 @@ enum Phase {
     /// Queueing all buffers, then STREAMON.
     Filling,
     /// Running; `ready` = poll said so.
-    Streaming { ready: bool },
+    Streaming {
+        ready: bool,
+    },
     /// Running, but nothing can be done before this time.
-    Idling { until_ns: u64 },
+    Idling {
+        until_ns: u64,
+    },
     /// STREAMOFF next.
-    Stopping { then_rest_ns: u64 },
+    Stopping {
+        then_rest_ns: u64,
+    },
     /// Waiting before a new start.
-    Resting { until_ns: u64 },
-    /// The device is gone.
+    Resting {
+        until_ns: u64,
+    },
     Gone,
 }
 

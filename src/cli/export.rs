@@ -64,12 +64,14 @@ pub(super) struct MergedRows {
 
 /// What was made of a log.
 enum Made {
-    /// It is there already.
     UpToDate,
     /// Tables and images.
     Files(Exported),
     /// One table.
-    Merged { rows: usize, note: Option<String> },
+    Merged {
+        rows: usize,
+        note: Option<String>,
+    },
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {

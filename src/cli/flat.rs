@@ -255,7 +255,6 @@ fn source(exposures: &[Exposure]) -> String {
     )
 }
 
-/// What was found, for a person.
 fn print_found(exposures: &[Exposure], found: &Flat) {
     let [gamma, gamma_sd] = found.gamma;
     let [black, black_sd] = found.black_levels;

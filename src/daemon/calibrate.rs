@@ -203,7 +203,6 @@ pub fn see(setup: &Setup, image: &GreyImage, reason: bool) -> Result<Sighting, N
 pub struct Pose {
     online: OnlineCalibration,
     status: Option<Status>,
-    /// The newest detection.
     last: Option<Detection>,
     image: Option<ImageSize>,
 }

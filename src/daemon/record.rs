@@ -187,7 +187,6 @@ pub enum RecordError {
     },
 }
 
-/// What the threads share.
 struct Shared {
     recorder: Recorder,
     clock: Arc<dyn Clock>,

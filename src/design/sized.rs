@@ -81,7 +81,6 @@ fn lighter(rig: &Rig, share: f64) -> Rig {
     made
 }
 
-/// One DOF there and back.
 fn there_and_back(dof: usize, load: f64) -> Plan {
     let step = |for_s: f64, share: f64| PlanStep {
         for_s,

@@ -193,7 +193,6 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     })
 }
 
-/// Run and records within a window \[s\].
 fn cut(run: Run, records: &mut Records, from_s: f64, to_s: f64) -> Run {
     let start_ns = run.start_ns;
     records

@@ -231,7 +231,6 @@ fn was_run(plan: &Designed, source: &Source) -> bool {
     driven.iter().all(|(p, l)| (l - p).abs() <= SAME_LOAD * p)
 }
 
-/// A designed plan under another name.
 fn offer(designed: &Designed, name: &str) -> Offer {
     let mut plan = designed.plan.clone();
     name.clone_into(&mut plan.name);
@@ -242,7 +241,6 @@ fn offer(designed: &Designed, name: &str) -> Offer {
     }
 }
 
-/// Step that a diagnosis asks for.
 fn judge(found: Diagnosis, options: &Options, runs_left: usize) -> Step {
     let word = found.verdict.verdict;
     let undecided = |why: String, found: Diagnosis| Step::Undecided {

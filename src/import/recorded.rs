@@ -37,7 +37,6 @@ use packed_file::Unpacked;
 /// Bytes that tell the kind.
 const HEAD_BYTES: u64 = 4096;
 
-/// Kinds of logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Mcap,

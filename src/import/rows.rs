@@ -30,7 +30,6 @@ impl Tally {
     }
 }
 
-/// What came by.
 #[derive(Debug, Default)]
 pub(crate) struct Form {
     short: Tally,

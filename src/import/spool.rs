@@ -36,7 +36,6 @@ impl Shape {
     }
 }
 
-/// Takes samples in.
 pub(crate) struct Spooler {
     shape: Shape,
     buffer: Vec<u8>,

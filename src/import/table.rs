@@ -23,7 +23,6 @@ const ROWS_FOR_GRANULARITY: usize = 500;
 /// One row in SI.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sample {
-    /// Line of the file.
     pub line: u64,
     /// Since the first row \[s\].
     pub t_s: f64,

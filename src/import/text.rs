@@ -16,7 +16,6 @@ pub(crate) struct Format {
     pub encoding: Encoding,
     /// Bytes of the byte order mark.
     pub mark_bytes: usize,
-    /// Ends a line.
     pub line_end: u8,
 }
 
@@ -57,7 +56,6 @@ impl Format {
     }
 }
 
-/// Reads lines.
 pub(crate) struct Lines<R> {
     reader: BufReader<Decoder<R>>,
     line_end: u8,

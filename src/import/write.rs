@@ -155,7 +155,6 @@ pub fn import_table(
     }
 }
 
-/// Writes one row after the other.
 struct Writer<'a> {
     map: &'a Map,
     log: Behind,

@@ -87,7 +87,6 @@ pub struct Simulated {
 
 /// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
 const RATE_OVER_S: f64 = 0.6;
-/// See there.
 const RATE_SAMPLES: usize = 5;
 /// A rate below this many of its own sd is none.
 const RATE_SD: f64 = 4.0;

@@ -398,7 +398,6 @@ impl Problem {
         self.body.dofs.iter().map(of).sum()
     }
 
-    /// Cost alone.
     fn cost(&self, values: &[Vec<PerChannel<f64>>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
         let mut sum = 0.0;
         for (dof, filters) in filters {

@@ -13,7 +13,6 @@ type Matrix = [[f64; 3]; 3];
 
 /// Steps of the logarithm of the jerk's size in the first look, and what the search ends with.
 const LOOK: f64 = 2.5;
-/// See there.
 const FINE: f64 = 0.05;
 /// Where no jerk is fewer than one in this share of the noise over the whole series, and more than what joins all samples.
 const SPAN_LN: f64 = 10.0;

@@ -25,7 +25,6 @@ const SHRUNK: usize = 3;
 /// A table beside a model.
 #[derive(Debug, Clone)]
 pub(super) struct TableGain {
-    /// Candidate.
     pub candidate: usize,
     /// Cells at which it is worth most.
     pub cells: Cells,

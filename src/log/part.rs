@@ -88,7 +88,6 @@ const TAIL_FIXED_BYTES: u64 = 32 << 10;
 /// Room for the one event that says why a log stops.
 const LAST_WORDS_BYTES: u64 = 4096;
 
-/// A part being written.
 pub(super) struct PartFile {
     sink: Box<dyn LogOutput>,
     staging: Staging,

@@ -89,7 +89,6 @@ pub(super) struct Scan<R> {
 
 pub(super) type FileScan = Scan<BufReader<File>>;
 
-/// Opens a file.
 pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
     let file = File::open(path).map_err(LogError::read(path))?;
     Scan::of_file(path, BufReader::with_capacity(1 << 18, file))

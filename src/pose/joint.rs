@@ -90,7 +90,6 @@ pub struct PoseFitter {
     sheet: Sheet,
     /// The camera's response; `None`: each frame's own unknown.
     camera: Option<CameraResponse>,
-    /// Its prior.
     response_prior: ResponsePrior,
     /// Level from which a pixel counts as clipped.
     ceiling: u8,

@@ -493,7 +493,6 @@ impl Photometric {
     }
 }
 
-/// Laser light of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Light {
     /// \[grey levels\].

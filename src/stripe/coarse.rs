@@ -109,7 +109,6 @@ fn average(a: u8, b: u8) -> u8 {
     ((u16::from(a) + u16::from(b) + 1) >> 1) as u8
 }
 
-/// Scratch of the search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CoarseScratch {
     blocks: Vec<u8>,

@@ -230,7 +230,6 @@ pub(super) fn rows_needed(kernel: &Kernel) -> usize {
     kernel.taps() + 2 * MAX_WANDER_PX as usize + 2
 }
 
-/// Fits one column from `start_px`.
 pub(super) fn fit(window: &Window, kernel: &Kernel, start_px: f64, known: Known) -> Option<Fit> {
     if window.clipped(known.saturation) {
         return clipped::fit(window, kernel, start_px, MAX_WANDER_PX, known);

@@ -19,7 +19,6 @@ const RULED_OUT: f32 = -1e3;
 /// Came from, or stays at, "no point".
 const NONE: u8 = u8::MAX;
 
-/// Scratch of the search for the path.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PathScratch {
     back: Vec<[u8; MAX_PER_COLUMN + 1]>,
@@ -133,7 +132,6 @@ fn jump_cost(to: &Spot, from: &Spot, step_cost: f32) -> f32 {
     (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost)
 }
 
-/// What a candidate is worth.
 #[inline(always)]
 fn reward(spot: &Spot, per_contrast: f32) -> f32 {
     if spot.contrast == 0 {

@@ -140,7 +140,6 @@ impl Calibration {
     }
 }
 
-/// See the module.
 pub(super) struct BoardMap {
     calibration: Calibration,
     map: FittedMap,

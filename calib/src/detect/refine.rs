@@ -16,7 +16,6 @@ use super::marks::Local;
 use super::tone::Tone;
 use crate::map::geometry::{apply, homography_jacobian};
 
-/// A refined node.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Refined {
     pub position: [f64; 2],

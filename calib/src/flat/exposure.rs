@@ -193,9 +193,7 @@ pub(super) fn check(
 /// A block under one exposure.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
-    /// Mean level.
     pub mean: f64,
-    /// Variance of that.
     pub variance: f64,
     /// Mean variance of a pixel in one frame.
     pub noise: f64,

@@ -16,7 +16,6 @@ const SCATTER_USUAL: f64 = 0.02;
 /// Powers of cameras.
 const GAMMAS: [f64; 2] = [0.2, 5.0];
 
-/// γ and b.
 #[derive(Debug, Clone)]
 pub(super) struct Power {
     /// γ, b.

@@ -116,7 +116,6 @@ struct Equations {
     blocks: usize,
 }
 
-/// Knots over the levels.
 #[derive(Debug, Clone, Copy)]
 struct Knots {
     levels: [f64; 2],
@@ -365,7 +364,6 @@ fn begin(field: &Field, ln_times: &[f64], ends: [f64; 2], options: &Options) -> 
     best.1
 }
 
-/// Slope of a series over another.
 fn slope(x: &[f64], y: &[f64]) -> f64 {
     let n = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);

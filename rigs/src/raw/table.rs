@@ -31,7 +31,6 @@ pub(crate) trait Kind: Sized {
     fn typed(&self, s: &Section<'_>, key: &str) -> Option<Option<Self::Value>>;
     /// What a key that was left out means; `None` = reported.
     fn left_out(&self, s: &Section<'_>, key: &str) -> Option<Self::Value>;
-    /// Writes key and value.
     fn write(&self, w: &mut Writer, key: &str, value: &Self::Value);
     /// Adds the key, as one that must be there, to its table's description.
     fn describe(&self, to: &mut Described<'_>, key: &str, about: &'static str);

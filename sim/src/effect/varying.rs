@@ -137,7 +137,6 @@ impl Typed {
     }
 }
 
-/// The keys of a trend.
 pub(super) fn keys(info: &EffectInfo, trend: &Trend) -> Vec<(String, ParameterValue)> {
     let Some(p) = info.parameters.get(trend.parameter) else {
         return Vec::new();

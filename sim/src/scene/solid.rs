@@ -20,7 +20,6 @@ pub enum Surface {
 pub(super) struct Hit {
     /// Along the ray.
     pub t: f64,
-    /// Which surface.
     pub surface: Surface,
     /// A vertical face of it instead of its top.
     pub face: bool,
@@ -51,7 +50,6 @@ enum Inside {
     Polygon(Vec<[f64; 2]>),
 }
 
-/// One prism.
 #[derive(Debug, Clone)]
 pub(super) struct Prism {
     pub top_m: f64,

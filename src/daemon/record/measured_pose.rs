@@ -7,7 +7,6 @@ const MAX_SD_M: f64 = 0.02;
 /// The same of an angle \[rad\]: 2 deg.
 const MAX_SD_RAD: f64 = 0.035;
 
-/// The newest measured pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeasuredPose {
     /// When its frame was received, CLOCK_MONOTONIC \[ns\].

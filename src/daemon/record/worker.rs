@@ -33,7 +33,6 @@ pub(super) struct Seen {
     pub received_ns: u64,
     /// Its luma.
     pub image: GreyImage,
-    /// Its stripe.
     pub profile: Profile,
 }
 

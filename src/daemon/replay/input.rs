@@ -12,9 +12,7 @@ use super::{Options, ReplayError};
 
 /// Messages in their order.
 pub(super) enum Input {
-    /// Of a log.
     Log(Box<LogReader>),
-    /// Of a folder.
     Folder(Box<Folder>),
 }
 

@@ -139,7 +139,6 @@ fn measure(
     }
 }
 
-/// The message of a smoothed pose.
 fn message(frame: &Smoothed) -> VehicleMotion {
     let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
     VehicleMotion {

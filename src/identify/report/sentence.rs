@@ -6,7 +6,6 @@ use hydroline_report::significant;
 /// So many coefficients stand in the sentence itself; more are only counted.
 const SAID: usize = 4;
 
-/// The sentence.
 pub(super) fn sentence(result: &Identification) -> String {
     let all: Vec<&Estimate> = result
         .order

@@ -59,9 +59,7 @@ impl Finding {
     }
 }
 
-/// A list that findings are added to.
 pub(crate) trait FindingList {
-    /// Adds one.
     fn add(&mut self, finding: Finding);
 
     /// A fault of the file as a whole.
@@ -69,7 +67,6 @@ pub(crate) trait FindingList {
         self.add(Finding::fault(kind, None, message));
     }
 
-    /// A fault that begins at a line.
     fn fault_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
         self.add(Finding::fault(kind, line, message));
     }
@@ -79,12 +76,10 @@ pub(crate) trait FindingList {
         self.add(Finding::warning(kind, None, message));
     }
 
-    /// A warning about what begins at a line.
     fn warning_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
         self.add(Finding::warning(kind, line, message));
     }
 
-    /// What is good to know.
     fn info(&mut self, kind: &'static str, message: String) {
         self.add(Finding::info(kind, message));
     }

@@ -124,7 +124,6 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// One stretch.
     fn look(&mut self) {
         let data = std::mem::take(&mut self.stretch);
         if data.times_s.len() - self.old < 1 || data.times_s.len() < 4 {

@@ -6,9 +6,7 @@ use crate::map::Encoding;
 use crate::source::Source;
 use crate::text::{Format, Lines};
 
-/// Bytes looked at.
 const HEAD_BYTES: u64 = 1 << 19;
-/// Lines looked at.
 const LINES_MAX: usize = 3000;
 
 /// The first lines.

@@ -21,7 +21,6 @@ const LOADS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// What turns so many times more than another does so clearly.
 const CLEARLY: f64 = 4.0;
 
-/// One channel.
 #[derive(Debug, Clone)]
 struct Channel {
     place: usize,
@@ -49,7 +48,6 @@ pub(super) struct Motion {
     angle_open: bool,
     /// What is not mapped and why.
     left: Left,
-    /// What else is to be said.
     notes: Vec<String>,
 }
 

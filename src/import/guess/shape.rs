@@ -26,7 +26,6 @@ pub(super) struct Named {
     pub unit: Option<String>,
 }
 
-/// A table's form.
 #[derive(Debug, Clone)]
 pub(super) struct Shape {
     pub kind: &'static str,

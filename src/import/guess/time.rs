@@ -39,7 +39,6 @@ const RATES_FAST: [f64; 10] = [
 /// What the map says of time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Time {
-    /// Columns that are time.
     pub columns: Vec<usize>,
     /// Between rows \[s\].
     pub interval_s: f64,

@@ -20,7 +20,6 @@ pub(super) struct Checker<'a> {
     pub file: &'a str,
 }
 
-/// What a place measures.
 pub(crate) fn dimension(place: usize) -> Dimension {
     match place {
         0..3 | 15 => Dimension::Length,
@@ -312,7 +311,6 @@ impl Checker<'_> {
         }
     }
 
-    /// Sign and scale together.
     fn factor(&self, key: &str, sign: Option<f64>, scale: Option<f64>) -> Result<f64, MapError> {
         let (sign, scale) = (sign.unwrap_or(1.0), scale.unwrap_or(1.0));
         if sign.abs() != 1.0 {

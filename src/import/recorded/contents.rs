@@ -59,7 +59,6 @@ pub struct Contents {
     pub skipped_bytes: u64,
 }
 
-/// Gathers the contents.
 #[derive(Default)]
 pub(super) struct Gather {
     topics: Vec<TopicContents>,

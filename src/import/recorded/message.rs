@@ -46,7 +46,6 @@ impl std::fmt::Display for Number {
     }
 }
 
-/// What a field holds.
 #[derive(Debug, Clone, PartialEq)]
 enum Held {
     Number(Number),
@@ -157,7 +156,6 @@ impl Leaves {
     }
 }
 
-/// One message.
 pub(super) struct Message<'a> {
     /// Topic; several senders or bodies under one name are distinguished by what stands in brackets.
     pub topic: &'a str,
@@ -167,7 +165,6 @@ pub(super) struct Message<'a> {
     pub log_ns: Option<i128>,
     /// When it was true, by its own stamp \[ns\].
     pub stamp_ns: Option<i128>,
-    /// What it holds.
     pub leaves: &'a Leaves,
     /// Units of its fields, where the log states them.
     pub unit: &'a dyn Fn(&str) -> Option<String>,

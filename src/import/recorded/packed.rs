@@ -36,7 +36,6 @@ impl Kind {
     }
 }
 
-/// A field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Field {
     pub name: String,
@@ -55,7 +54,6 @@ impl Field {
     }
 }
 
-/// Of all fields.
 pub(super) fn bytes(fields: &[Field]) -> usize {
     fields
         .iter()
@@ -104,7 +102,6 @@ fn scaled(value: Number, scale: f64) -> Number {
     })
 }
 
-/// All fields of a record.
 pub(super) fn decode(fields: &[Field], record: &[u8], leaves: &mut Leaves) {
     let mut at = 0;
     for field in fields {

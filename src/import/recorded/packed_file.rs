@@ -10,7 +10,6 @@ use super::head::head;
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// What a packed byte may become at most, and what any file may: no recording packs better, and a bomb does \[bytes\].
 const UNPACKED_PER_BYTE: u64 = 500;
-/// See there.
 const UNPACKED_LEAST: u64 = 1 << 20;
 
 /// The files to be read, and what goes when they are no longer needed.

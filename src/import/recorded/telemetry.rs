@@ -18,7 +18,6 @@ const CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
 /// 2001 .. 2096: what a stamp can be \[us\].
 const STAMPS_US: std::ops::Range<u64> = 978_307_200_000_000..4_000_000_000_000_000;
 
-/// A message that is known.
 struct Known {
     name: &'static str,
     crc_extra: u8,

@@ -258,7 +258,6 @@ fn added_of_given(
         .collect()
 }
 
-/// What a body is asked for.
 #[derive(Debug, Clone, Copy)]
 enum Asked<'a> {
     /// Everything that may have been left out.

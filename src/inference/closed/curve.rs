@@ -14,7 +14,6 @@ use crate::fit::ln_determinant;
 
 /// Steps of a refinement; gain of a step in log density that is the last worth making.
 const STEPS: usize = 40;
-/// See there.
 const LITTLE: f64 = 1e-4;
 
 /// What data say of a table's points f: ln p = -f A f / 2 + f h.

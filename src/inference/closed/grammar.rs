@@ -22,13 +22,10 @@ const LENGTHS: (f64, f64) = (0.1, 2.0);
 const DECAYS: (f64, f64) = (0.05, 2.0);
 /// Exponents of a power, and those that theory gives: they are held, and cost no number.
 const EXPONENTS: (f64, f64) = (0.4, 4.0);
-/// See there.
 const USUAL: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
 /// Points of a grid to begin from, per place, width and phase.
 const PLACES: usize = 20;
-/// See there.
 const SIZES: usize = 6;
-/// See there.
 const PHASES: usize = 8;
 
 /// A piece that may be a part of a form.

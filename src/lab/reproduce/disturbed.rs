@@ -192,7 +192,6 @@ fn motions(motion: Motion) -> Vec<(Pose, Vec<f64>)> {
     }
 }
 
-/// The light of a rig's frames.
 fn light(rig: &Rig) -> Light {
     Light {
         brightness: rig.laser.peak,

@@ -21,7 +21,6 @@ pub(super) fn recovered_lost(summary: &MetadataMap) -> Option<u64> {
     Some(lost + number("frames.dropped.unknown").unwrap_or(0))
 }
 
-/// The sum of the numbers under `prefix`.
 fn sum(summary: &MetadataMap, prefix: &str) -> u64 {
     let values = summary.iter().filter(|(k, _)| k.starts_with(prefix));
     values

@@ -29,7 +29,6 @@ pub(crate) struct Contents {
     pub declared: Declared,
     pub metadata: BTreeMap<String, MetadataMap>,
     pub places: Vec<Place>,
-    /// Messages of each channel.
     messages: BTreeMap<u16, u64>,
     /// Offset of the summary that says so; 0 = they were counted.
     pub stated_at: u64,
@@ -52,7 +51,6 @@ impl Contents {
     }
 }
 
-/// So many bytes from `offset` on.
 fn bytes_at(file: &File, offset: u64, len: u64) -> Result<Bytes, Damage> {
     if len > LIMIT_BYTES {
         return Err(Damage::TooLong { opcode: 0, len });

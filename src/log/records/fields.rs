@@ -82,7 +82,6 @@ impl Fields {
     }
 }
 
-/// A schema record.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct SchemaRecord {
     pub id: u16,
@@ -91,7 +90,6 @@ pub(crate) struct SchemaRecord {
     pub data: Bytes,
 }
 
-/// A channel record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChannelRecord {
     pub id: u16,
@@ -101,7 +99,6 @@ pub(crate) struct ChannelRecord {
     pub metadata: MetadataMap,
 }
 
-/// A message record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct MessageRecord {
     pub channel_id: u16,
@@ -124,7 +121,6 @@ pub(crate) struct ChunkRecord {
     pub content_bytes: u64,
 }
 
-/// Counts of a statistics record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct StatisticsRecord {
     pub messages: u64,

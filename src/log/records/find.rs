@@ -17,7 +17,6 @@ const HEADER_BYTES: usize = PREFIX_BYTES as usize + 8 + 8 + 8 + 4 + 4 + 4 + 8;
 /// work without end.
 const EFFORT: u64 = 8;
 
-/// Looks for chunks in one file.
 pub(crate) struct ChunkFinder<R> {
     source: R,
     effort_bytes: u64,

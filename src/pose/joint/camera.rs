@@ -40,7 +40,6 @@ pub struct CameraResponse {
     pub covariance: OfRun2,
 }
 
-/// Those of a state.
 pub(super) fn of_run(state: &State) -> OfRun {
     OfRun::from_fn(|k, _| match k {
         0 => state.tone,

@@ -430,7 +430,6 @@ impl Photometric {
         })
     }
 
-    /// The stripe about a hit.
     pub(super) fn stripe(&self, hit: &Hit, state: &State) -> Stripe {
         let lever = self.table.lever_m;
         let s_slope = hit.t_slope.map(|t| lever * t);
@@ -500,7 +499,6 @@ impl Edge<'_> {
 }
 
 impl Border<'_> {
-    /// Share inside.
     fn inside(&self, u: f64, shading: &Shading) -> Visible<'_> {
         let Shading { tables, grid_share } = *shading;
         let h = self.first.distance(u);

@@ -115,7 +115,6 @@ pub(super) struct Hit {
 }
 
 impl Photometric {
-    /// Where a ray meets a height.
     pub(super) fn hit(&self, geometry: &PoseGeometry, ray: &Ray, height_m: f64) -> Option<Hit> {
         let r3 = &geometry.r[2];
         let d = &ray.sight;

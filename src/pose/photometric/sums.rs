@@ -40,7 +40,6 @@ pub(super) const INTERIOR: [usize; 8 + ACROSS] = {
 pub(crate) struct Tally {
     /// Σ ρ(r / noise).
     cost: f64,
-    /// Pixels.
     pub pixels: usize,
     /// Squared residuals of lit pixels away from edges, robustly cut, and their number.
     pub bright_square: f64,
@@ -48,7 +47,6 @@ pub(crate) struct Tally {
     /// Weights of lit and edge pixels, and what their weighted residuals change by per residual.
     pub weights: f64,
     pub slopes: f64,
-    /// Number of edge pixels.
     pub edge_count: usize,
     /// Pixels whose weight is below one half.
     pub rejected: usize,
@@ -64,7 +62,6 @@ pub(crate) struct Sums {
     /// Σ ρ(r / noise).
     pub cost: f64,
     pub tally: Tally,
-    /// The edges met.
     pub edges: EdgesSeen,
     /// Where the run's parameters are estimated: residuals across the line.
     pub line_residuals: LineResiduals,
@@ -154,7 +151,6 @@ pub(super) struct Background {
     measured: [f64; 2],
 }
 
-/// A pixel judged.
 pub(super) struct Judged {
     pub residual: f64,
     /// Weight over variance.

@@ -14,7 +14,6 @@ const DOT_PX: f64 = 3.2;
 /// Half width and height of the arrow that stands for a dot beyond the axis \[px\].
 const ARROW_PX: [f64; 2] = [3.5, 6.0];
 
-/// Draws a panel.
 pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
     let [[left, top], [right, bottom]] = placed.area;
     legend::draw(root, &placed.header, left, placed.top_px);

@@ -129,7 +129,6 @@ fn shared_range(column: &[Panel]) -> Option<[f64; 2]> {
         .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// The whole drawing.
 pub(super) fn drawing(figure: &Figure, width_px: f64) -> Element {
     let (placed, height_px) = place(figure, width_px);
     let mut root = svg::root([width_px, height_px], "")

@@ -26,7 +26,6 @@ const TO_AXES_PX: f64 = 5.0;
 /// Shades of a scale of colours.
 const SHADES: i32 = 21;
 
-/// One entry.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     layer: Layer,
@@ -147,7 +146,6 @@ fn sample_px(layer: &Layer) -> f64 {
     })
 }
 
-/// Draws the header with its upper left at `left_px`, `top_px`.
 pub(super) fn draw(root: &mut Element, header: &Header, left_px: f64, top_px: f64) {
     for (line, base_px) in &header.title {
         root.push_line(

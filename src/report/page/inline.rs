@@ -81,7 +81,6 @@ impl Inline {
         lines.map(length).max().unwrap_or(0)
     }
 
-    /// The words in an element.
     pub(super) fn within(self, name: &'static str) -> Element {
         self.parts
             .iter()

@@ -369,7 +369,6 @@ impl Drop for Core {
     }
 }
 
-/// CPU time of the calling thread \[s\].
 fn thread_cpu_s() -> f64 {
     let mut t = libc::timespec {
         tv_sec: 0,

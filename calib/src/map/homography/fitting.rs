@@ -40,7 +40,6 @@ pub(super) struct Pair {
     pub whitener: Matrix2<f64>,
 }
 
-/// What the fit found.
 pub(super) struct Fitted {
     pub parameters: [f64; PARAMETERS],
     pub covariance: Square,
@@ -58,7 +57,6 @@ struct Solved {
     penalty: f64,
 }
 
-/// Fits from the homography `start`.
 pub(super) fn fit(start: [f64; PARAMETERS], pairs: &mut [Pair]) -> Result<Fitted, LmError> {
     let mut weights = vec![1.0; pairs.len()];
     let mut full = solve(start, pairs, &weights, &MODELS[3])?;
@@ -149,7 +147,6 @@ const SEARCH: Options = Options {
 /// A step below this in every (scaled) parameter is rounding.
 const NEGLIGIBLE: f64 = 1e-12;
 
-/// The minimum of one model.
 fn solve(
     start: [f64; PARAMETERS],
     pairs: &[Pair],
@@ -177,14 +174,12 @@ fn solve(
     })
 }
 
-/// One model and its data.
 struct Problem<'a> {
     pairs: &'a [Pair],
     weights: &'a [f64],
     model: &'a [bool; 8],
 }
 
-/// A model at a point.
 #[derive(Default)]
 struct Evaluated {
     /// Whitened.

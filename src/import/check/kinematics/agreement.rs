@@ -25,7 +25,6 @@ pub(super) struct Agreement<'a> {
     both_coarse: f64,
 }
 
-/// What it says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Verdict {
     /// Neither moves beyond noise.

@@ -18,7 +18,6 @@ const NO_UNIT: [&str; 4] = ["", "-", "[]", "1"];
 /// A column's meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::guess) enum Column {
-    /// What it is.
     Is(Meaning),
     /// What its name says is not measured in its unit.
     OtherUnit,
@@ -42,7 +41,6 @@ pub(in crate::guess) fn unit_text(named: &Named) -> Option<&str> {
     own.filter(|u| !NO_UNIT.contains(u))
 }
 
-/// The column's meaning by name and unit.
 pub(in crate::guess) fn column(named: &Named) -> Column {
     let by_name = meaning(&named.name, &named.group);
     let Some(unit) = unit_text(named) else {

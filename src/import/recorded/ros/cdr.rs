@@ -93,7 +93,6 @@ impl<'a> Cdr<'a> {
     }
 }
 
-/// The fields of a message.
 pub(crate) fn decode(
     definition: &Definition,
     message: &[u8],

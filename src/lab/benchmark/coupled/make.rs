@@ -16,7 +16,6 @@ use crate::benchmark::error::ProveError;
 
 /// Runs of a case, and their length \[s\].
 const RUNS: usize = 4;
-/// See there.
 const RUN_S: f64 = 24.0;
 /// Samples per second.
 const RATE_HZ: f64 = 25.0;
@@ -88,7 +87,6 @@ impl Instruments {
         }
     }
 
-    /// The six channels that it measures.
     fn measured(self) -> [Channel; 6] {
         match self {
             Instruments::Velocities => Channel::RATES,
@@ -171,7 +169,6 @@ fn motion(
 struct Runs<'a> {
     commands: &'a [Vec<Command>],
     stamps_s: &'a [f64],
-    /// The six channels measured.
     measured: [Channel; 6],
 }
 

@@ -35,7 +35,6 @@ pub const EFFECTS: [&str; 14] = [
 /// Truth of a case without an effect.
 pub const NONE: &str = "none";
 
-/// Plans of the two runs.
 const PLANS: [&str; 2] = ["reversals", "two-tone"];
 /// Frames of each run.
 const FRAMES: usize = 26;

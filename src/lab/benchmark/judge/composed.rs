@@ -24,7 +24,6 @@ const ENDS: usize = 3;
 /// Surge rate at which a force of place that goes with the rate is compared \[m/s\].
 const RATE_MPS: f64 = 0.1;
 
-/// Twice the load of a step.
 fn doubled(step: &PlanStep) -> PlanStep {
     match &step.load {
         StepLoad::Wrench(w) => PlanStep {
