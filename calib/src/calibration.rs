@@ -21,14 +21,12 @@ pub use board_map::{NodeResidual, Placement};
 pub enum CalibError {
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
     NoFile { file: String, reason: String },
-    /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
     Unreadable {
         file: String,
         /// The parser's words, with line.
         reason: String,
     },
-    /// A number that no camera or board can have.
     #[error(
         "{file}: {key} is {value}, but must be {allowed}. Calibrate again, or restore the file"
     )]
@@ -38,7 +36,6 @@ pub enum CalibError {
         value: f64,
         allowed: &'static str,
     },
-    /// The calibration could not be written as TOML.
     #[error("the calibration cannot be written: {reason}")]
     Unwritable { reason: String },
 }

@@ -145,12 +145,10 @@ pub enum MapError {
         column_px: f64,
         row_px: f64,
     },
-    /// The nodes do not lie on a grid of lines.
     #[error(
         "the nodes lie on {columns} longitudes and {rows} latitudes with enough nodes each; a grid map needs at least 3 of both"
     )]
     NotAGrid { columns: usize, rows: usize },
-    /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
     #[error(

@@ -10,7 +10,6 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum RigError {
-    /// The file could not be read at all.
     #[error("{file}: cannot be read: {reason}. {next}")]
     Unreadable {
         file: String,
@@ -18,13 +17,11 @@ pub enum RigError {
         reason: String,
         next: String,
     },
-    /// The file was read and these things in it are wrong (at least one).
     #[error("{}", list(.problems))]
     Invalid {
         /// All of them, in the order of the file.
         problems: Vec<Problem>,
     },
-    /// Neither a file nor a built-in of that name.
     #[error("no {kind} file and no built-in {kind} is called {name:?}{}. Give a path to a file or one of: {}", suggest(.suggestion), .known.join(", "))]
     UnknownName {
         /// `rig`, `plan`, `target` or `board`.
@@ -86,7 +83,6 @@ pub enum ProblemKind {
         /// Every key allowed in this table.
         allowed: Vec<String>,
     },
-    /// A key or table that must be there.
     #[error("missing. Add {expected}")]
     Missing { expected: String },
     #[error("is {typed}, but must be {expected}")]
@@ -95,7 +91,6 @@ pub enum ProblemKind {
         /// What is expected, with unit.
         expected: String,
     },
-    /// A number outside its range, or not finite.
     #[error("is {typed}, but must be {allowed}{hint}")]
     OutOfRange {
         typed: String,
@@ -104,14 +99,12 @@ pub enum ProblemKind {
         /// Extra advice, empty or starting with `. `.
         hint: String,
     },
-    /// A word that is not one of the list.
     #[error("is {typed}, but must be one of {}{}", .allowed.join(", "), suggest(.suggestion))]
     NotOneOf {
         typed: String,
         allowed: Vec<String>,
         suggestion: Option<String>,
     },
-    /// Values that each are fine but break a rule together.
     #[error("{what}. {next}")]
     Rule {
         /// The rule that is broken, with the values.

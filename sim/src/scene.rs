@@ -79,7 +79,6 @@ impl From<[f64; 6]> for Pose6 {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SceneError {
-    /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error("{what} = {value}; it must lie in {low} .. {high}")]
@@ -99,9 +98,5 @@ pub enum SceneError {
         value: f64,
     },
     #[error("the target has {slabs} slabs, at most {limit} can be rendered; merge some")]
-    TooManySlabs {
-        /// Slabs of the target.
-        slabs: usize,
-        limit: usize,
-    },
+    TooManySlabs { slabs: usize, limit: usize },
 }

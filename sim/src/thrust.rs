@@ -13,17 +13,12 @@ pub enum ThrustError {
     )]
     NotSpanned {
         dof: &'static str,
-        /// Asked \[N or N m\].
         asked: f64,
         /// What the least-squares allocation gives \[N or N m\].
         reached: f64,
     },
     #[error("{given} values for {thrusters} thrusters; give one each, in the rig's order")]
-    Count {
-        given: usize,
-        /// Thrusters of the rig.
-        thrusters: usize,
-    },
+    Count { given: usize, thrusters: usize },
     #[error("{what} is {value}; it must be finite")]
     NotFinite { what: String, value: f64 },
     #[error(
@@ -34,9 +29,7 @@ pub enum ThrustError {
         "the allocation matrix of {thrusters} thrusters has no pseudo-inverse ({reason}); check positions and directions"
     )]
     Singular {
-        /// Thrusters of the rig.
         thrusters: usize,
-        /// What the solver said.
         reason: &'static str,
     },
 }

@@ -24,7 +24,6 @@ const NODES_KEPT: usize = 4096;
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum TrajectoryError {
-    /// A time or a load is NaN or infinite.
     #[error("{what} is {value}; it must be finite")]
     NotFinite { what: &'static str, value: f64 },
     #[error(
@@ -33,26 +32,15 @@ pub enum TrajectoryError {
     TooOld {
         /// `query` or `command`.
         what: &'static str,
-        /// Its time \[s\].
         t_s: f64,
-        /// Oldest time still known \[s\].
         oldest_s: f64,
     },
-    /// The state grew without bounds or the pitch passed 90 deg.
     #[error(
         "the simulated state is not finite at t = {t_s:.3} s (theta was {theta_rad:.3} rad before): check coefficients (all negative), effects and loads; Euler angles end at +-pi/2"
     )]
-    Diverged {
-        /// Time of the first bad state \[s\].
-        t_s: f64,
-        /// Last good pitch \[rad\].
-        theta_rad: f64,
-    },
+    Diverged { t_s: f64, theta_rad: f64 },
     #[error("integration step {step_s} s; it must lie in 1e-5 .. 0.1 s")]
-    Step {
-        /// The step asked for \[s\].
-        step_s: f64,
-    },
+    Step { step_s: f64 },
 }
 
 #[derive(Debug, Clone, Copy)]

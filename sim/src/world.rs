@@ -16,7 +16,6 @@ use hydroline_rigs::{Rig, Wrench};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SimError {
-    /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]

@@ -23,10 +23,8 @@ pub enum StoreError {
     #[error("{path}: {source}; check that the folder is writable and the disk has room")]
     File {
         path: PathBuf,
-        /// What the system says.
         source: std::io::Error,
     },
-    /// A table that is not as it was written.
     #[error("{path}: {source}; the file was changed while it was read: run `campaign` again")]
     Json {
         path: PathBuf,

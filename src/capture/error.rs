@@ -12,12 +12,10 @@ pub enum CaptureError {
         "no camera matches {identity}; present: {present}; `hydroline devices` lists what can be named"
     )]
     NotFound { identity: String, present: String },
-    /// The rig names a node that may mean another camera after the next boot.
     #[error(
         "{node} is not a stable name; name the camera by id or by path (`hydroline devices` prints both), or set camera.allow_unstable_node = true"
     )]
     UnstableNode { node: PathBuf },
-    /// The rig's camera is not a V4L2 device.
     #[error("the rig's camera is simulated; only a V4L2 camera can be opened here")]
     NotV4l,
     #[error("{node}: {reason}")]
@@ -56,7 +54,6 @@ pub enum CaptureError {
         /// Formats, sizes and rates.
         offers: String,
     },
-    /// A colour channel over levels that nobody named.
     #[error(
         "{node}: laser.channel asks for a colour of {format}, whose levels are {said} range as the driver says; set camera.yuv_range = \"{said}\" (or \"limited\" where the driver is wrong)"
     )]
@@ -103,7 +100,6 @@ pub enum CaptureError {
     Bandwidth {
         node: PathBuf,
         format: String,
-        /// Rate \[1/s\].
         rate_fps: f64,
         mbit_s: f64,
     },

@@ -26,7 +26,6 @@ const FILE_MAX_BYTES: u64 = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum FolderError {
-    /// The folder or one of its files cannot be read.
     #[error("{}: {source}; check that it can be read", path.display())]
     Read { path: PathBuf, source: io::Error },
     #[error("{}: holds no images (.png, .jpg, .jpeg) among its {others} entries; name a folder with images", path.display())]
@@ -36,7 +35,6 @@ pub enum FolderError {
         path.display()
     )]
     NoTimes { path: PathBuf, first: String },
-    /// Two frames at one time, or time that goes back.
     #[error(
         "{}: the times in the names do not rise at {name}; rename it, or give --rate-hz to take the images in the order of their names",
         path.display()

@@ -160,19 +160,15 @@ pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum FrameError {
-    /// No camera makes such an image: the numbers come from a damaged or forged log.
     #[error(
         "frame {sequence}: an image of {width_px} x {height_px} pixels with {stride_bytes} bytes a row; sides of 1 to {SIDE_MAX_PX} are read, of a colour mosaic from 2"
     )]
     Geometry {
         sequence: u32,
-        /// Width \[px\].
         width_px: u32,
-        /// Height \[px\].
         height_px: u32,
         stride_bytes: u32,
     },
-    /// A compressed image that claims more than is unpacked.
     #[error(
         "frame {sequence}: a compressed image of {got:?} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked"
     )]
@@ -188,9 +184,7 @@ pub enum FrameError {
     Short {
         sequence: u32,
         format: PixelFormat,
-        /// Width \[px\].
         width_px: u32,
-        /// Height \[px\].
         height_px: u32,
         needed: u64,
         got: usize,
@@ -201,7 +195,6 @@ pub enum FrameError {
         format: &'static str,
         reason: String,
     },
-    /// A compressed image's own size differs from the negotiated one.
     #[error("frame {sequence}: {format} is {got:?}, negotiated {wanted:?}")]
     CompressedSize {
         sequence: u32,

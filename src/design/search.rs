@@ -37,12 +37,7 @@ pub enum DesignError {
     #[error(
         "none of {drawn} patterns of {length_s} s fits into tank, [limits] and target at a twentieth of the vehicle's reach: a shorter --length leaves it less way to go"
     )]
-    NothingFits {
-        /// How many were tried.
-        drawn: usize,
-        /// Their length \[s\].
-        length_s: f64,
-    },
+    NothingFits { drawn: usize, length_s: f64 },
 }
 
 /// A plan of a set.

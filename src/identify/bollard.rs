@@ -67,11 +67,8 @@ pub enum BollardError {
         "{ahead} readings ahead and {astern} astern of {neutral_us} us; at least 4 on each side are needed, spread over the range"
     )]
     TooFew {
-        /// Readings with thrust ahead.
         ahead: usize,
-        /// Readings with thrust astern.
         astern: usize,
-        /// Neutral \[us\].
         neutral_us: f64,
     },
     #[error(

@@ -68,22 +68,16 @@ pub enum PredictError {
     Plan(#[from] SetpointError),
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// `[[physics]]`.
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
     #[error("{file}: {reason}; give the output of hydroline identify --json")]
     Identified { file: String, reason: String },
-    /// `[identified]` of the rig.
     #[error(
         "[identified] of rig {rig}: {reason}; mend or take out that table, or write the rig anew (hydroline identify LOG... --write-rig)"
     )]
-    OfRig {
-        /// Name of the rig.
-        rig: String,
-        reason: String,
-    },
+    OfRig { rig: String, reason: String },
 }
 
 /// All eighteen at once.

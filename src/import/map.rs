@@ -40,7 +40,6 @@ impl fmt::Display for Column {
 /// Where the values of a channel or command come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// A column.
     Column(Column),
     /// One value for all rows, in the unit of the map: the file does not hold it.
     Value(f64),
@@ -85,7 +84,6 @@ pub struct ChannelMap {
     pub place: usize,
     /// Column or constant.
     pub origin: Origin,
-    /// The unit's name.
     pub unit: &'static str,
     /// SI per unit of the column: unit, sign and scale.
     pub factor: f64,
@@ -209,7 +207,6 @@ impl fmt::Display for Separator {
 /// How characters are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// UTF-8.
     Utf8,
     /// UTF-16, least byte first.
     Utf16Le,
@@ -280,7 +277,6 @@ pub struct Map {
 /// Number of channels and companions.
 pub const PLACES: usize = Channel::ALL.len() + COMPANIONS.len();
 
-/// Name of a place.
 pub fn place_name(place: usize) -> &'static str {
     let channels = Channel::ALL.into_iter().map(Channel::name);
     channels.chain(COMPANIONS).nth(place).unwrap_or("?")

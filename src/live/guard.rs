@@ -101,7 +101,6 @@ pub enum Route {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Refusal {
-    /// Asked under a name that is not this computer's.
     #[error("this page is asked for by this computer's address, not by that name")]
     Host,
     /// No token, or another.
@@ -113,7 +112,6 @@ pub enum Refusal {
     Session,
     #[error("only GET, and POST /stop")]
     Method,
-    /// A body: nothing that is asked here has one.
     #[error("no request here has a body")]
     Body,
     #[error(

@@ -50,7 +50,6 @@ impl ImageKind {
             .map(|(kind, ..)| kind)
     }
 
-    /// The message.
     pub fn decode(self, data: Bytes) -> Result<ImageMessage, String> {
         match self {
             ImageKind::Raw => messages::RawImage::decode(data)
@@ -111,7 +110,6 @@ pub enum ImageTopicError {
         path: PathBuf,
         there: Vec<ImageTopic>,
     },
-    /// Images in a message that is not read.
     #[error(
         "{}: {topic}; hydroline reads foxglove.RawImage and foxglove.CompressedImage in protobuf, sensor_msgs/msg/Image and \
          sensor_msgs/msg/CompressedImage in CDR: convert the log",

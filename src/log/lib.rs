@@ -103,20 +103,13 @@ pub enum LogError {
     )]
     WontFit {
         path: PathBuf,
-        /// Planned length \[s\].
         planned_s: f64,
-        /// Uncompressed rate \[MB/s\].
         megabytes_per_s: f64,
-        /// Their product \[MB\].
         needed_megabytes: f64,
-        /// Guard \[MB\].
         min_free_megabytes: f64,
-        /// Free now \[MB\].
         free_megabytes: f64,
-        /// What would fit \[s\].
         fits_s: f64,
     },
-    /// The disk refused while writing; the file was closed.
     #[error("the log stopped: {reason}; what was written is readable")]
     Stopped { reason: String },
     #[error("the log's writer thread cannot be started: {source}")]
@@ -144,13 +137,10 @@ pub enum LogError {
     OutputExists { path: PathBuf },
     #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
     NotEmpty { path: PathBuf, found: String },
-    /// A file beside the log cannot be written.
     #[error("{}: cannot be written: {reason}", path.display())]
     Output { path: PathBuf, reason: String },
-    /// A recovered file that does not read back as it was written.
     #[error("{}: the recovered file does not read back ({reason}) and was removed; the original is untouched", path.display())]
     Verify { path: PathBuf, reason: String },
-    /// A message does not decode as its schema says.
     #[error("{}: at byte {offset}: a message of {topic} ({schema}) does not decode: {reason}", path.display())]
     Message {
         path: PathBuf,

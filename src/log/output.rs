@@ -41,7 +41,6 @@ pub trait LogOutput: Write + Send {
 pub enum NameLost {
     #[error("the log's file {} was renamed while it was being written: it is {} now", from.display(), to.display())]
     Renamed { from: PathBuf, to: PathBuf },
-    /// The file was removed, or another file or file system stands in its place.
     #[error("the log's file {} was removed, replaced or mounted over while it was being written", path.display())]
     Gone { path: PathBuf },
 }

@@ -27,9 +27,7 @@ pub enum SetpointError {
     Thrust {
         /// Step, from 1.
         step: u32,
-        /// Time in the plan \[s\].
         t_s: f64,
-        /// What the allocation says.
         source: ThrustError,
     },
     /// A thruster would have to give more than its curve holds.
@@ -39,14 +37,10 @@ pub enum SetpointError {
     Beyond {
         /// Step, from 1.
         step: u32,
-        /// Time in the plan \[s\].
         t_s: f64,
         thruster: String,
-        /// Asked \[N\].
         asked_n: f64,
-        /// Most astern \[N\].
         low_n: f64,
-        /// Most ahead \[N\].
         high_n: f64,
     },
 }

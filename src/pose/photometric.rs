@@ -187,7 +187,6 @@ impl Photometric {
         self.surfaces.faces.get(level).map_or(1.0, |t| t.albedo)
     }
 
-    /// Compares a frame with a state.
     pub fn compare(
         &self,
         plan: &Plan,

@@ -77,12 +77,10 @@ pub struct Step {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Caveat {
-    /// Parts of the stripe on no known height.
     #[error(
         "part of the stripe lies on none of the target's heights: particles, or another target than the rig's"
     )]
     Stray,
-    /// Fewer steps than a whole crossing of the target has.
     #[error("an edge of the target is outside the light or the image")]
     EdgeMissing,
     #[error("the stripe shows one level only, taken for the floor")]
@@ -122,15 +120,10 @@ pub enum SegmentError {
         "{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?"
     )]
     TooFew { points: usize, needed: usize },
-    /// Points, but no line.
     #[error(
         "{points} stripe points, but no {columns} columns of sound ones in a row: is a lamp, a window, a bar or a reflection taken for the line, or the line clipped? Darken it, or lower the exposure"
     )]
-    NoLine {
-        points: usize,
-        /// Columns in a row that are needed.
-        columns: usize,
-    },
+    NoLine { points: usize, columns: usize },
 }
 
 /// Stripe points of a profile in the laser plane, by column; those off the map are discarded.

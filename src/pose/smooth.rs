@@ -93,11 +93,8 @@ pub enum SmoothError {
         "{gap_s:.1} s without a pose before frame {frame}, more than the dynamics bridge ({allowed_s} s): cut the log there, or replay without --smooth"
     )]
     Gap {
-        /// Index of the frame after it.
         frame: usize,
-        /// Length \[s\].
         gap_s: f64,
-        /// Allowed \[s\].
         allowed_s: f64,
     },
     #[error(

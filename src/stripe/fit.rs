@@ -95,7 +95,6 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Empty.
     pub fn new() -> Self {
         Self {
             start: 0,
@@ -196,7 +195,6 @@ impl Window {
         self.start
     }
 
-    /// Whether a pixel is clipped.
     #[inline]
     pub fn clipped(&self, saturation: u8) -> bool {
         let (chunks, rest) = self.values().as_chunks::<LANES>();

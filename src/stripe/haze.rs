@@ -91,7 +91,6 @@ impl Surroundings {
 }
 
 impl HazeTable {
-    /// Builds the table.
     pub fn new() -> Self {
         let shape = |length: f64| {
             let at = |i: usize| haze_over_pixel(i as f64 - REACH_PX as f64, length);

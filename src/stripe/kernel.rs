@@ -228,7 +228,6 @@ impl KernelTable {
         (i as usize).min(self.kernels.len() - 1)
     }
 
-    /// The kernel of that index.
     pub fn get(&mut self, index: usize) -> &Kernel {
         let index = index.min(self.kernels.len() - 1);
         self.kernels[index].get_or_insert_with(|| {

@@ -111,12 +111,9 @@ pub struct Profile {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ProfileFault {
-    /// The pixel buffer does not fit the stated size.
     #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]
     Malformed {
-        /// Width \[px\].
         width_px: usize,
-        /// Height \[px\].
         height_px: usize,
         needed: usize,
         got: usize,
@@ -125,9 +122,7 @@ pub enum ProfileFault {
         "image {width_px}x{height_px} is too small for a stripe: at least {min_columns}x{min_rows}"
     )]
     TooSmall {
-        /// Width \[px\].
         width_px: usize,
-        /// Height \[px\].
         height_px: usize,
         min_columns: usize,
         min_rows: usize,
@@ -136,13 +131,7 @@ pub enum ProfileFault {
         "no stripe: no place stands out of noise {noise_sd:.1} (mean grey level {mean_level:.0}); \
          is the laser on, the lens cap off, the exposure right?"
     )]
-    Dark {
-        /// Pixel noise \[grey levels\].
-        noise_sd: f64,
-        /// Mean of the image \[grey levels\].
-        mean_level: f64,
-    },
-    /// Something stands out, but not a stripe.
+    Dark { noise_sd: f64, mean_level: f64 },
     #[error("no stripe: bright spots in {spotted} columns, a stripe in {found}, needed {needed}")]
     TooFewColumns {
         spotted: usize,

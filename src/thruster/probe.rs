@@ -48,7 +48,6 @@ pub enum ProbeError {
         "the line echoes what is sent to it: take out the loopback plug, or switch the adapter's echo off (half-duplex RS-485)"
     )]
     Echoes,
-    /// A Maestro as it comes from the factory.
     #[error(
         "a Maestro in its factory mode 'UART, detect baud rate': set 'UART, fixed baud rate' (or 'USB dual port' over USB) in the Pololu Maestro Control Center, Serial Settings"
     )]

@@ -89,11 +89,8 @@ pub enum Refused {
     )]
     Range {
         index: usize,
-        /// Asked \[us\].
         pulse_us: f64,
-        /// Smallest \[us\].
         min_us: f64,
-        /// Largest \[us\].
         max_us: f64,
     },
     #[error("{got} pulses for {want} thrusters: nothing was sent")]

@@ -9,7 +9,6 @@ use crate::plane::ImageSize;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum UseError {
-    /// Made in one medium, to be used in another.
     #[error(
         "the calibration was made in {made} (board {board}), the run is in {run}: {cost}. Calibrate in {run}, or force it"
     )]
@@ -19,7 +18,6 @@ pub enum UseError {
         board: String,
         cost: &'static str,
     },
-    /// Made from images of one size, to be used on another.
     #[error(
         "the calibration was made from images of {} × {} px, the run's have {} × {}: another size or crop is another map. Calibrate with the run's camera settings",
         made.width_px, made.height_px, run.width_px, run.height_px

@@ -27,7 +27,6 @@ pub enum Unsteady {
         100.0 * .0
     )]
     Drifts(f64),
-    /// Brightness goes up and down: sd.
     #[error(
         "its frames differ by {:.0} % in brightness: the light flickers. Use daylight or a lamp on direct current, or exposure times that are multiples of half the mains' period (10 ms at 50 Hz)",
         100.0 * .0

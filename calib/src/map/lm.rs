@@ -11,7 +11,6 @@ use nalgebra::{DMatrix, DVector};
 pub enum LmError {
     #[error("{residuals} residuals cannot fix {parameters} parameters; more nodes are needed")]
     Underdetermined { residuals: usize, parameters: usize },
-    /// The start already gives infinite or undefined residuals.
     #[error(
         "the model is not finite at the start of the fit; the nodes do not look like a board seen from outside its plane"
     )]

@@ -21,7 +21,6 @@ pub enum EffectError {
         nearest: Option<&'static str>,
         known: Vec<&'static str>,
     },
-    /// A parameter that must be given is not.
     #[error("[[physics]] {effect}: \"{parameter}\" [{unit}] is missing; typically {low} to {high}")]
     Missing {
         effect: &'static str,
@@ -30,14 +29,12 @@ pub enum EffectError {
         low: f64,
         high: f64,
     },
-    /// A word that must be given is not.
     #[error("[[physics]] {effect}: \"{parameter}\" is missing; one of: {}", .allowed.join(", "))]
     MissingWord {
         effect: &'static str,
         parameter: &'static str,
         allowed: &'static [&'static str],
     },
-    /// A number beyond the hard limits, or not finite.
     #[error("[[physics]] {effect}: {parameter} = {value} {unit}; it must lie in {low} .. {high}")]
     OutOfLimits {
         effect: &'static str,
@@ -47,7 +44,6 @@ pub enum EffectError {
         low: f64,
         high: f64,
     },
-    /// A number where a word belongs, or the other way round.
     #[error("[[physics]] {effect}: {parameter} must be {expected}, not {found}")]
     WrongKind {
         effect: &'static str,
@@ -60,14 +56,12 @@ pub enum EffectError {
         effect: &'static str,
         parameter: &'static str,
     },
-    /// The same effect twice with the same words.
     #[error("[[physics]] {effect} is switched on twice for the same {}; keep one entry", list(.words))]
     Duplicate {
         effect: &'static str,
         /// Its words, e.g. `dof = surge`.
         words: Vec<String>,
     },
-    /// More own states than a state vector holds.
     #[error(
         "the [[physics]] entries need {needed} states of their own, at most {limit} fit; switch some off"
     )]

@@ -17,7 +17,6 @@ pub enum Asked {
 }
 
 impl Asked {
-    /// From now on.
     pub fn begin() -> Self {
         if let Some(keys) = Keys::watch(None) {
             std::thread::sleep(BEFORE);

@@ -21,9 +21,7 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// One argument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Source {
-    /// A log.
     Log(PathBuf),
-    /// An image file.
     Image(PathBuf),
 }
 

@@ -21,7 +21,6 @@ pub struct Against {
     pub aligned: Option<Comparison>,
 }
 
-/// Everything to tell.
 pub struct Report<'a> {
     pub out: &'a Path,
     pub setup: &'a Setup,

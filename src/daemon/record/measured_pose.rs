@@ -16,7 +16,6 @@ pub(super) struct MeasuredPose {
 }
 
 impl MeasuredPose {
-    /// Of a fit.
     pub fn of(received_ns: u64, fit: &JointPose) -> Self {
         let values = fit.pose.to_array();
         let eta = std::array::from_fn(|i| {

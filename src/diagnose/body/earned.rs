@@ -27,7 +27,6 @@ const WORSE: f64 = 0.1;
 /// What is left in a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
-    /// Channel.
     pub channel: Channel,
     /// rms of the residuals that no change of the model's numbers takes away \[SI\].
     pub rms: f64,

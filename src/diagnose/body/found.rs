@@ -202,7 +202,6 @@ impl<'a> Judged<'a> {
         }
     }
 
-    /// Remarks.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for (name, factor) in self.far_off() {

@@ -9,7 +9,6 @@ use crate::verdict::Unexplained;
 /// Companions that move a hull by themselves.
 const FINS: [usize; 2] = [0, 1];
 
-/// Inputs of a diagnosis.
 pub struct Inputs<'a> {
     body: &'a Body,
     /// DOFs that the user said are inputs.
@@ -74,7 +73,6 @@ impl Inputs<'_> {
         runs.fold(0.0, f64::max)
     }
 
-    /// Remarks.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self
             .body

@@ -17,7 +17,6 @@ use hydroline_log::{LogError, LogReader, Record};
 pub enum LoadError {
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Thrusters of the rig.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
     #[error(
@@ -30,11 +29,8 @@ pub enum LoadError {
     )]
     EmptyWindow {
         log: String,
-        /// The window \[s\].
         from_s: f64,
-        /// See `from_s`.
         to_s: f64,
-        /// The log's last sample \[s\].
         end_s: f64,
     },
     #[error(
@@ -44,7 +40,6 @@ pub enum LoadError {
         log: String,
         thruster: String,
         commands: usize,
-        /// Thrusters of the rig.
         known: String,
     },
     #[error(
@@ -55,7 +50,6 @@ pub enum LoadError {
     CommandNotFinite {
         log: String,
         thruster: String,
-        /// When \[s\].
         t_s: f64,
         value: f64,
     },

@@ -106,7 +106,6 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// A row went by.
     pub fn row(&mut self, sample: &Sample) {
         self.stretch.push(sample, self.map);
         self.rows += 1;

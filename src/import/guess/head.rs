@@ -42,7 +42,6 @@ impl Head {
         Ok(Head { encoding, lines })
     }
 
-    /// Text of a line by its number.
     pub fn line(&self, number: u64) -> &str {
         self.lines
             .iter()

@@ -21,7 +21,6 @@ pub enum MapError {
         file: String,
         key: String,
         value: String,
-        /// What it may be.
         allowed: String,
     },
 }

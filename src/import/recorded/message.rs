@@ -229,7 +229,6 @@ pub enum RecordedError {
     Container(String),
     #[error("it is a log of hydroline already: nothing to import; use it as it is")]
     Ours,
-    /// A log that is known, and of a kind that is not read.
     #[error("it is {what}, which is not read; {next}")]
     NotRead {
         what: &'static str,
@@ -239,18 +238,11 @@ pub enum RecordedError {
     #[error(
         "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"
     )]
-    Nothing {
-        /// How many there are.
-        messages: u64,
-        reasons: String,
-    },
+    Nothing { messages: u64, reasons: String },
     #[error(
         "no message of it can be read; {damage}; `hydroline recover` writes what is sound into a new file"
     )]
-    Damaged {
-        /// What was found instead.
-        damage: String,
-    },
+    Damaged { damage: String },
     #[error("no topic '{topic}' in it; name one of: {topics}")]
     Topic { topic: String, topics: String },
 }

@@ -40,7 +40,6 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Nothing.
     pub fn none() -> Piece {
         Piece {
             form: FORMS.len() - 1,

@@ -23,7 +23,6 @@ const OWN: f64 = 1e-6;
 /// A form and how it does.
 #[derive(Debug, Clone)]
 pub struct Ranked {
-    /// Its pieces.
     pub pieces: [Piece; PIECES],
     /// Scaled numbers, piece by piece.
     pub scaled: [f64; COUNT],

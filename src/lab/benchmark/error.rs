@@ -23,7 +23,6 @@ pub enum ProveError {
     Setpoint(#[from] SetpointError),
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// An effect that no case knows a practical size of.
     #[error(
         "no practical size of '{effect}' is known: src/benchmark/{file} has its effects in a list, and an arm for each of them"
     )]
@@ -46,7 +45,6 @@ pub enum ProveError {
     NoCase {
         id: String,
         tries: usize,
-        /// What the last one lacked.
         last: String,
     },
     #[error("no case '{id}'; ids look like {example} (category-index, index from 0)")]
@@ -61,8 +59,5 @@ pub enum ProveError {
     #[error("{path}: cannot be written: {reason}; what was judged before it is kept")]
     NotKept { path: String, reason: String },
     #[error("the simulated motion is not finite at {t_s:.2} s")]
-    Diverged {
-        /// When \[s\].
-        t_s: f64,
-    },
+    Diverged { t_s: f64 },
 }

@@ -89,7 +89,6 @@ pub(super) struct CoefficientErrors {
 }
 
 impl CoefficientErrors {
-    /// Errors against the `actual` values.
     pub fn of(actual: [f64; 3], found: &[Identified]) -> CoefficientErrors {
         let n = found.len().max(1) as f64;
         let percent =

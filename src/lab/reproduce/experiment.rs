@@ -36,13 +36,9 @@ const STEP_S: f64 = 0.002;
 pub struct Swing {
     /// Place in a pose: 3 = φ, 4 = θ, 5 = ψ.
     pub index: usize,
-    /// Mean \[rad\].
     pub mean_rad: f64,
-    /// Amplitude \[rad\].
     pub amp_rad: f64,
-    /// Period \[s\].
     pub period_s: f64,
-    /// Phase \[rad\].
     pub phase_rad: f64,
 }
 
@@ -56,7 +52,6 @@ impl Swing {
 /// One run.
 #[derive(Debug, Clone)]
 pub struct Experiment {
-    /// Name.
     pub name: String,
     /// What moves.
     pub dof: Dof,
@@ -64,7 +59,6 @@ pub struct Experiment {
     pub start: Pose,
     /// (time \[s\], load \[N, N m\]), each held until the next.
     pub loads: Vec<(f64, f64)>,
-    /// Length \[s\].
     pub length_s: f64,
     /// Disturbances.
     pub swings: Vec<Swing>,

@@ -136,7 +136,6 @@ impl Checks {
         self.add(Grade::Error, "decode", Some(offset), message, next);
     }
 
-    /// Damaged bytes.
     pub fn damage(&mut self, offset: u64, damage: &Damage) {
         self.damaged = true;
         self.cut |= damage.is_missing_end();
@@ -149,7 +148,6 @@ impl Checks {
         self.add(Grade::Error, check, Some(offset), damage.to_string(), next);
     }
 
-    /// A decoded message.
     pub fn record(&mut self, offset: u64, record: &Record) {
         match record {
             Record::FrameInfo(info) => self.frame_info(offset, info),

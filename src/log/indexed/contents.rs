@@ -35,7 +35,6 @@ pub(crate) struct Contents {
 }
 
 impl Contents {
-    /// Messages of a channel.
     pub fn messages_of(&self, channel: u16) -> u64 {
         self.messages.get(&channel).copied().unwrap_or(0)
     }

@@ -26,9 +26,7 @@ pub enum ImageError {
     Encoding(String),
     #[error("{format} image of {bytes} bytes does not decode: {reason}")]
     Decode {
-        /// Format as named in the message.
         format: String,
-        /// Size of the data.
         bytes: usize,
         reason: String,
     },

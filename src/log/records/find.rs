@@ -23,7 +23,6 @@ pub(crate) struct ChunkFinder<R> {
 }
 
 impl<R: Read + Seek> ChunkFinder<R> {
-    /// In a source.
     pub fn new(mut source: R) -> io::Result<Self> {
         let bytes = source.seek(SeekFrom::End(0))?;
         Ok(Self {

@@ -15,8 +15,8 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, RunParameters, State,
-    THICKNESS, Weighting,
+    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, RunParameters, State, THICKNESS,
+    Weighting,
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;

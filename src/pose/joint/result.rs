@@ -12,24 +12,20 @@ use nalgebra::Matrix6;
 pub enum PoseCaveat {
     #[error(transparent)]
     Stripe(#[from] Caveat),
-    /// No target in sight: x, y, ψ are not measured, θ is taken as zero (or as held) and z hangs on it.
     #[error(
         "a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed"
     )]
     BareFloor,
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
-    /// The target repeats itself and no hint states which repetition.
     #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
     WhichHexagon,
-    /// Two different poses explain the frame about equally well.
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
     #[error(
         "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
     )]
     Misfit,
-    /// Edges leave more of the light that they cut than edges in their place do.
     #[error(
         "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, or light that the model does not know"
     )]
@@ -127,17 +123,14 @@ pub enum PoseFault {
         /// Of the map \[px\].
         wanted_px: (usize, usize),
     },
-    /// Steps were seen, but not so that they lie on the target.
     #[error(
         "{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?"
     )]
     Nowhere { steps: usize },
-    /// A flat line that may lie on the floor, or on one of the target's upper faces.
     #[error(
         "a flat line of {line_m:.2} m without an edge: floor, or one of the target's upper faces, on which up to {face_m:.2} m may lie; z is not known"
     )]
     FloorOrFace {
-        /// Its length \[m\].
         line_m: f64,
         /// Longest line on an upper face \[m\].
         face_m: f64,
@@ -145,21 +138,12 @@ pub enum PoseFault {
     #[error(
         "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"
     )]
-    FarFromHint {
-        /// Nearest place, distance from the hint \[m\].
-        away_m: f64,
-        /// The hint \[m\].
-        hint_m: f64,
-    },
+    FarFromHint { away_m: f64, hint_m: f64 },
     #[error(
         "the best pose leaves {chi:.1} times the noise in the pixels: {}",
         glare(light)
     )]
-    Unexplained {
-        /// Residual over noise, rms.
-        chi: f64,
-        light: LightSeen,
-    },
+    Unexplained { chi: f64, light: LightSeen },
     #[error("the fit of the pose did not converge")]
     NotConverged,
 }

@@ -84,7 +84,6 @@ impl PoseGeometry {
         geometry
     }
 
-    /// The `edge`-th edge of an upper face.
     pub fn edge(&self, face: usize, edge: usize) -> &EdgeGeometry {
         &self.edges[self.first[face] + edge]
     }

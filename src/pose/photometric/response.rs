@@ -79,7 +79,6 @@ impl Response {
         self.moved_by[usize::from(level)].map(f64::from)
     }
 
-    /// The light of a grey level.
     #[inline]
     pub fn light(&self, grey: u8) -> f64 {
         f64::from(self.light[usize::from(grey)])

@@ -35,7 +35,6 @@ const PALE: f64 = 0.45;
 const STROKE_PX: f64 = 1.2;
 
 impl Form {
-    /// What belongs to a colour.
     pub fn of(colour: Colour) -> Self {
         let (dashes, marker) = match colour {
             Colour::VERMILLION => ("6 4", Marker::Square),

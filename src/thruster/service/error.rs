@@ -10,17 +10,14 @@ use hydroline_rigs::ThrusterSet;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ServiceError {
-    /// The line is too slow for the rate.
     #[error(
         "{channels} thrusters at {rate_hz} /s need {needed_s:.4} s of wire time per set at {baud} baud, the period is {period_s:.4} s: raise link.baud or lower link.rate_hz"
     )]
     TooSlow {
         channels: usize,
-        /// Rate \[1/s\].
         rate_hz: f64,
         /// Wire time of a set and its echo, the longer direction \[s\].
         needed_s: f64,
-        /// Period \[s\].
         period_s: f64,
         baud: u32,
     },

@@ -23,7 +23,6 @@ pub enum FrameError {
     Type { got: u8 },
     #[error("message type {kind:#04x} of {len} bytes does not have its type's length")]
     Length { kind: u8, len: usize },
-    /// A field holds a value outside its enumeration.
     #[error("message type {kind:#04x}: field value {got} is not defined")]
     Value { kind: u8, got: u8 },
 }

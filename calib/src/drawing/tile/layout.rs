@@ -25,7 +25,6 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of this part on paper of this size.
     pub fn of(part: Window, size_mm: [f64; 2], tiling: &Tiling) -> Self {
         let room = [
             size_mm[0] - 2.0 * tiling.margin_mm,

@@ -26,7 +26,6 @@ pub(in crate::guess) enum Column {
 }
 
 impl Column {
-    /// The meaning, where there is one.
     pub fn is(self) -> Option<Meaning> {
         match self {
             Column::Is(m) => Some(m),
