@@ -286,13 +286,14 @@ fn number(value: f64) -> Value {
     }
 }
 
+/// A result that is there; why it is not is added to the remarks.
+fn or_remark<'a, T>(found: &'a Result<T, String>, remarks: &mut Vec<String>) -> Option<&'a T> {
+    found.as_ref().map_err(|why| remarks.push(why.clone())).ok()
+}
+
 fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec<String>) {
-    let found = match found {
-        Ok(found) => found,
-        Err(why) => {
-            remarks.push(why.clone());
-            return;
-        }
+    let Some(found) = or_remark(found, remarks) else {
+        return;
     };
     put(row, "model", found.model.as_str());
     put(row, "variance_ratio", number(found.variance_ratio));
@@ -301,16 +302,10 @@ fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec
         if let Some(sd) = n.sd {
             put(row, key, number(n.value));
             put(row, &format!("{key}_sd"), number(sd));
-            put(
-                row,
-                &format!("{key}_low"),
-                n.low.map_or(Value::Null, number),
-            );
-            put(
-                row,
-                &format!("{key}_high"),
-                n.high.map_or(Value::Null, number),
-            );
+            for (end, value) in [("low", n.low), ("high", n.high)] {
+                let value = value.map_or(Value::Null, number);
+                put(row, &format!("{key}_{end}"), value);
+            }
         }
     }
     for (slot, sd) in &found.noise_sd {
@@ -319,12 +314,8 @@ fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec
 }
 
 fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec<String>) {
-    let found = match found {
-        Ok(found) => found,
-        Err(why) => {
-            remarks.push(why.clone());
-            return;
-        }
+    let Some(found) = or_remark(found, remarks) else {
+        return;
     };
     put(row, "verdict", found.verdict.name());
     put(row, "sentence", found.sentence.as_str());

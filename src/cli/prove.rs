@@ -19,7 +19,7 @@ use hydroline_lab::benchmark::score::Score;
 use hydroline_lab::benchmark::score::complaint;
 use hydroline_lab::benchmark::{Case, coupled, export, images};
 use hydroline_lab::benchmark::{
-    Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
+    Category, How, Judged, Kept, ProveError, catalogue, judge, make, run as prove, score, table,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -124,17 +124,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         return coupled(args, count, kept.as_ref());
     }
     let ids = catalogue(args.cases, args.category);
-    let bar = progress::bar(ids.len() as u64, "cases");
     let started = std::time::Instant::now();
-    let done = |j: &Judged| {
-        if let Some(line) = complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = prove(args.seed, &ids, how(args), kept.as_ref(), &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept.as_ref());
+    let run = |done: Done<'_, Judged>| prove(args.seed, &ids, how(args), kept.as_ref(), done);
+    let judged = under_bar(ids.len(), "cases", kept.as_ref(), complaint, run)?;
     let total = score(&judged);
     if args.json {
         let (seed, score, cases) = (args.seed, &total, judged.as_slice());
@@ -151,6 +143,29 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         );
     }
     Ok(Outcome::Done)
+}
+
+/// Called with each case that is done.
+type Done<'a, J> = &'a (dyn Fn(&J) + Sync);
+
+/// Runs cases under a progress bar and complains of each that went wrong as it ends.
+fn under_bar<J>(
+    count: usize,
+    what: &'static str,
+    kept: Option<&Kept>,
+    complaint: fn(&J) -> Option<String>,
+    run: impl FnOnce(Done<'_, J>) -> Result<Vec<J>, ProveError>,
+) -> Result<Vec<J>, CliError> {
+    let bar = progress::bar(count as u64, what);
+    let judged = run(&|j: &J| {
+        if let Some(line) = complaint(j) {
+            bar.suspend(|| errln!("{line}"));
+        }
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    say_other_builds(kept);
+    Ok(judged)
 }
 
 /// Cases laid down for other tools.
@@ -305,17 +320,9 @@ fn how(args: &Args) -> How {
 }
 
 fn images(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
-    let bar = progress::bar(count as u64, "image cases");
     let indices: Vec<usize> = (0..count).collect();
-    let done = |j: &images::ImageJudged| {
-        if let Some(line) = images::complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = images::run(args.seed, &indices, kept, &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept);
+    let run = |done: Done<'_, ImageJudged>| images::run(args.seed, &indices, kept, done);
+    let judged = under_bar(count, "image cases", kept, images::complaint, run)?;
     if args.json {
         let (seed, images) = (args.seed, judged.as_slice());
         print::json(&ProvedImages { seed, images })?;
@@ -326,17 +333,9 @@ fn images(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, Cli
 }
 
 fn coupled(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
-    let bar = progress::bar(count as u64, "coupled cases");
     let indices: Vec<usize> = (0..count).collect();
-    let done = |j: &coupled::CoupledJudged| {
-        if let Some(line) = coupled::complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = coupled::run(args.seed, &indices, kept, &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept);
+    let run = |done: Done<'_, CoupledJudged>| coupled::run(args.seed, &indices, kept, done);
+    let judged = under_bar(count, "coupled cases", kept, coupled::complaint, run)?;
     if args.json {
         let (seed, coupled) = (args.seed, judged.as_slice());
         print::json(&ProvedCoupled { seed, coupled })?;

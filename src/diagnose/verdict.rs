@@ -146,6 +146,12 @@ impl Verdict {
             .chain(others.filter(|p| !held_out.before.contains_key(p.channel)))
     }
 
+    /// Ids of the effects that matter, in their order.
+    pub fn mattering(&self) -> Vec<&str> {
+        let mattering = self.effects.iter().filter(|e| e.matters);
+        mattering.map(|e| e.effect.as_str()).collect()
+    }
+
     /// Puts an effect among what these runs cannot show, once.
     pub fn cannot_show(&mut self, spot: &str) {
         if !self.blind_spots.iter().any(|known| known == spot) {

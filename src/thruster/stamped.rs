@@ -46,16 +46,7 @@ pub mod error {
 
     /// Names of the bits that are set.
     pub fn names(bits: u16) -> Vec<&'static str> {
-        let mut names: Vec<_> = NAMES
-            .iter()
-            .enumerate()
-            .filter(|(bit, _)| bits & (1 << bit) != 0)
-            .map(|(_, name)| *name)
-            .collect();
-        if bits >> NAMES.len() != 0 {
-            names.push("unassigned error bit");
-        }
-        names
+        crate::bit_names(NAMES, bits)
     }
 }
 

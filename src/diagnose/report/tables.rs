@@ -209,12 +209,7 @@ fn why(
     let Some(best) = best.filter(|b| *b != a) else {
         return "the first".to_owned();
     };
-    let matters: Vec<&str> = v
-        .effects
-        .iter()
-        .filter(|e| e.matters)
-        .map(|e| e.effect.as_str())
-        .collect();
+    let matters = v.mattering();
     let lacks: Vec<&str> = best
         .effects
         .iter()

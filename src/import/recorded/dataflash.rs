@@ -249,11 +249,7 @@ fn message(
         log_ns: stamp_ns,
         stamp_ns,
         leaves,
-        unit: &|path| {
-            let name = path.split('[').next().unwrap_or(path);
-            let field = format.fields.iter().find(|f| f.name == name)?;
-            Some(field.unit.clone()).filter(|u| !u.is_empty())
-        },
+        unit: &|path| packed::unit_of(&format.fields, path),
     };
     Ok(sink.message(&whole)?)
 }

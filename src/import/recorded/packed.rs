@@ -102,6 +102,13 @@ fn scaled(value: Number, scale: f64) -> Number {
     })
 }
 
+/// Unit of the field that a path of leaves begins with, where the log states one.
+pub(super) fn unit_of(fields: &[Field], path: &str) -> Option<String> {
+    let name = path.split('[').next().unwrap_or(path);
+    let field = fields.iter().find(|f| f.name == name)?;
+    Some(field.unit.clone()).filter(|u| !u.is_empty())
+}
+
 pub(super) fn decode(fields: &[Field], record: &[u8], leaves: &mut Leaves) {
     let mut at = 0;
     for field in fields {

@@ -208,11 +208,7 @@ fn message(
         log_ns: Some(log_ns),
         stamp_ns,
         leaves,
-        unit: &|path| {
-            let name = path.split('[').next().unwrap_or(path);
-            let field = kind.fields.iter().find(|f| f.name == name)?;
-            Some(field.unit.clone()).filter(|u| !u.is_empty())
-        },
+        unit: &|path| packed::unit_of(&kind.fields, path),
     };
     Ok(sink.message(&whole)?)
 }

@@ -17,10 +17,7 @@ use hydroline_diagnose::verdict::{Effect, Verdict, Word};
 
 use super::cache::Kept;
 use super::error::ProveError;
-use super::score::Rate;
-
-/// Normal quantile of a 95 % interval.
-const Z95: f64 = 1.959_964;
+use super::score::{Rate, Z95};
 
 /// A case after its diagnosis.
 #[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]

@@ -3,6 +3,8 @@
 use rand::{RngExt, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
+use super::magnitudes::{between, sign};
+
 /// Noise of one case.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Disturbance {
@@ -23,10 +25,6 @@ pub struct Disturbance {
     pub lost: f64,
     /// Longest gap \[s\].
     pub gap_s: f64,
-}
-
-fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
 }
 
 impl Disturbance {
@@ -89,8 +87,7 @@ impl Disturbance {
         (0..n)
             .map(|_| {
                 let hit = rng.random::<f64>() < self.outliers;
-                let size =
-                    between(rng, 0.003, 0.03) * if rng.random::<bool>() { 1.0 } else { -1.0 };
+                let size = between(rng, 0.003, 0.03) * sign(rng);
                 if hit { size } else { 0.0 }
             })
             .collect()

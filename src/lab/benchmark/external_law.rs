@@ -5,6 +5,7 @@
 use rand::{RngExt, rngs::StdRng};
 
 use super::composed::Composed;
+use super::magnitudes::{between, sign};
 use super::modulated::Modulated;
 
 /// What a law sees.
@@ -131,14 +132,6 @@ pub const NEAR: [&str; 7] = [
 pub const COMPOSED: &str = "composed";
 /// Kinds of unnamed laws.
 pub const UNNAMED: [&str; 4] = ["place_bump", "place_wave", "speed_bump", "pull"];
-
-fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
-}
-
-fn sign(rng: &mut StdRng) -> f64 {
-    if rng.random::<bool>() { 1.0 } else { -1.0 }
-}
 
 impl ExternalLaw {
     /// A misspecified law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.

@@ -17,12 +17,10 @@ use self::undecided::Undecided;
 use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
+use super::score::Z95;
 use super::{instrument, paper, plans};
 use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Law, Verdict, Word};
-
-/// Normal quantile of a 95 % interval.
-const Z95: f64 = 1.959_964;
 
 /// An effect that was found.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
@@ -404,13 +402,7 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
     let after = diagnose(&sources, &[], &case.sealed.rig, &|_| {})
         .map_err(wrong)?
         .verdict;
-    let heavy: Vec<&str> = after
-        .effects
-        .iter()
-        .filter(|e| e.matters)
-        .map(|e| e.effect.as_str())
-        .collect();
-    outcome.split = after.verdict == Word::Named && heavy == [truth.as_str()];
+    outcome.split = after.verdict == Word::Named && after.mattering() == [truth.as_str()];
     outcome.plan = Some(next.plan.clone());
     outcome.after = after.sentence;
     Ok(outcome)

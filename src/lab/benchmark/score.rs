@@ -6,6 +6,9 @@ use super::case::{Category, UNNAMED_ID};
 use super::judge::{Counted, Judged, SCORED_M, Tally, weight_right};
 use hydroline_diagnose::verdict::Word;
 
+/// Normal quantile of a 95 % interval.
+pub(super) const Z95: f64 = 1.959_964;
+
 /// Hits out of a number, with Wilson's 95 % interval (JASA 22, 1927).
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Rate {
@@ -29,7 +32,7 @@ impl Rate {
             n += 1;
             k += usize::from(hit);
         }
-        let (nf, z) = (n as f64, 1.959_964_f64);
+        let (nf, z) = (n as f64, Z95);
         let p = k as f64 / nf;
         let wide = 1.0 + z * z / nf;
         let centre = (p + z * z / (2.0 * nf)) / wide;

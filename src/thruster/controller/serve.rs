@@ -42,11 +42,7 @@ pub fn serve<S: Read + Write + AsFd>(
         };
         match stream.write(&out) {
             Ok(_) => {}
-            Err(e)
-                if matches!(
-                    e.kind(),
-                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) => {}
+            Err(e) if later(&e) => {}
             Err(e) if gone(&e) => return Ok(ServeEnd::Closed),
             Err(e) => return Err(e),
         }
@@ -63,16 +59,18 @@ pub fn serve<S: Read + Write + AsFd>(
                 let mut controller = controller.held();
                 controller.receive(clock.monotonic_ns(), &buffer[..n]);
             }
-            Err(e)
-                if matches!(
-                    e.kind(),
-                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) => {}
+            Err(e) if later(&e) => {}
             Err(e) if gone(&e) => return Ok(ServeEnd::Closed),
             Err(e) => return Err(e),
         }
     }
     Ok(ServeEnd::Stopped)
+}
+
+/// Whether the same call may succeed when it is made again.
+fn later(e: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, WouldBlock};
+    matches!(e.kind(), WouldBlock | Interrupted)
 }
 
 fn gone(e: &io::Error) -> bool {

@@ -13,6 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::drawn::drawn;
 use crate::benchmark::disturbance::Disturbance;
 use crate::benchmark::error::ProveError;
+use crate::benchmark::magnitudes::between;
 
 /// Runs of a case, and their length \[s\].
 const RUNS: usize = 4;
@@ -33,7 +34,7 @@ const ATTITUDE_RAD: f64 = 1.745e-4;
 pub(super) const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
 /// Smallest weight of a drawn effect, in tolerances: it surely matters.
 const SMALLEST_WEIGHT: f64 = 1.3;
-/// Greatest.
+/// Greatest weight, likewise.
 const MOST: f64 = 40.0;
 /// Draws before a case is given up.
 const TRIES: usize = 40;
@@ -110,11 +111,6 @@ pub struct CoupledCase {
     pub rig_factor: f64,
     /// The key, heaviest first.
     pub truth: Vec<There>,
-}
-
-/// Evenly between.
-pub(super) fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
 }
 
 /// Steps, ramps of small steps and reversals in all three at their own times.
