@@ -2,7 +2,7 @@
 //!
 //! They live here only: the diagnosis must not know them.
 
-use rand::{RngExt, rngs::StdRng};
+use rand::rngs::StdRng;
 
 use super::composed::Composed;
 use super::magnitudes::{between, sign};

@@ -7,7 +7,7 @@ use hydroline_sim::VehicleState;
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::{Trajectory, TrajectoryError};
 use nalgebra::{DMatrix, DVector};
-use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::drawn::drawn;
