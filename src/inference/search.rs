@@ -247,6 +247,15 @@ impl Search<'_> {
         may.map(|may| may && commanded)
     }
 
+    fn found(self) -> Found {
+        Found {
+            given_up: self.not_followed(),
+            problem: self.problem,
+            models: self.models,
+            fits: self.fits,
+        }
+    }
+
     /// DOFs that the best model does not follow, of those that may be given up; none where nothing would be left to explain.
     fn not_followed(&self) -> Vec<usize> {
         let Some(best) = self.best() else {
@@ -329,12 +338,7 @@ pub fn search(
     if !search.gives_up() {
         search.with_shorter_noise(options.cost / 3);
     }
-    Some(Found {
-        given_up: search.not_followed(),
-        problem: search.problem,
-        models: search.models,
-        fits: search.fits,
-    })
+    Some(search.found())
 }
 
 /// Searches about a model that is known: the noise stays as it is, and nothing else is asked first.
@@ -369,12 +373,7 @@ pub(super) fn resumed(
         progress,
     };
     search.run();
-    Found {
-        given_up: search.not_followed(),
-        problem: search.problem,
-        models: search.models,
-        fits: search.fits,
-    }
+    search.found()
 }
 
 #[cfg(test)]

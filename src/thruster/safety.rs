@@ -137,11 +137,6 @@ impl Safety {
         self.state
     }
 
-    /// Pulses last admitted \[us\].
-    pub fn last_us(&self) -> &[f64] {
-        &self.last_us
-    }
-
     /// Ready to run again; not possible without a link. True when the state is now `Armed` or already `Running`.
     pub fn arm(&mut self) -> bool {
         match self.state {

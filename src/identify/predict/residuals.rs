@@ -25,7 +25,7 @@ pub struct NotBeside {
 }
 
 /// A measured run in the prediction's time.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Measured {
     /// The run.
     pub log: String,
@@ -123,12 +123,7 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
     let mut found = Measured {
         log: run.name.clone(),
         start_s,
-        channels: Vec::new(),
-        t_s: Vec::new(),
-        motion: Vec::new(),
-        residual: Vec::new(),
-        sd: Vec::new(),
-        notes: Vec::new(),
+        ..Measured::default()
     };
     for sample in &run.samples {
         let t_s = sample.t_s - start_s;

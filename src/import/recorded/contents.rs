@@ -24,7 +24,7 @@ pub struct FieldContents {
 }
 
 /// One topic.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct TopicContents {
     /// Topic; several senders, sensors or bodies of one name have theirs in brackets.
     pub topic: String,
@@ -79,12 +79,7 @@ impl Gather {
         self.topics.push(TopicContents {
             topic: topic.to_owned(),
             schema: schema.to_owned(),
-            messages: 0,
-            stamped: 0,
-            first_ns: None,
-            last_ns: None,
-            rate_hz: None,
-            fields: Vec::new(),
+            ..TopicContents::default()
         });
         self.seen.push((HashMap::new(), 0));
         self.places.insert(topic.to_owned(), self.topics.len() - 1);

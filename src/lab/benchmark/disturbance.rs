@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::magnitudes::{between, sign};
 
 /// Noise of one case.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Disturbance {
     /// White part \[m\].
     pub white_m: f64,
@@ -34,13 +34,8 @@ impl Disturbance {
         if clean {
             return Disturbance {
                 white_m,
-                slow_m: 0.0,
                 slow_s: 1.0,
-                place_m: 0.0,
-                waves: Vec::new(),
-                outliers: 0.0,
-                lost: 0.0,
-                gap_s: 0.0,
+                ..Disturbance::default()
             };
         }
         Disturbance {

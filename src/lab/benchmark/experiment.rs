@@ -45,7 +45,7 @@ pub struct Tank {
 }
 
 /// One run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Recorded {
     /// Name.
     pub name: String,
@@ -114,11 +114,8 @@ impl Tank {
         let mut made = Recorded {
             name: format!("run{run}-{}", plan.name),
             edges,
-            times_s: Vec::new(),
-            noise_m: Vec::new(),
-            outlier: Vec::new(),
             commands,
-            motion: Vec::new(),
+            ..Recorded::default()
         };
         let rest = self.rig.tank.start_pose;
         for (k, t_s) in all_s.iter().enumerate() {

@@ -30,7 +30,7 @@ pub struct Disturbed {
 }
 
 /// Joint pose under all disturbances at once.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct JointAccuracy {
     /// Frames.
     pub frames: usize,
@@ -232,13 +232,7 @@ pub fn joint_accuracy(
     let seen = bench.see(&poses, Reading::SubPixel, Some(Held::default()));
     let mut out = JointAccuracy {
         frames,
-        failed: 0,
-        rms: [0.0; 6],
-        reported_sd: [0.0; 6],
-        bound: [0.0; 6],
-        worst_in_sd: 0.0,
-        covered_95: 0.0,
-        covered_95_each: [0.0; 6],
+        ..JointAccuracy::default()
     };
     for (seen, truth) in seen.iter().zip(&poses) {
         let Some(joint) = seen.joint.as_ref().filter(|j| j.measured == [true; 6]) else {

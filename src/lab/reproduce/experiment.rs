@@ -65,7 +65,7 @@ pub struct Experiment {
 }
 
 /// What one run's images gave, one entry per frame.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Seen {
     /// Stamps \[s\].
     pub t_s: Vec<f64>,
@@ -144,13 +144,7 @@ impl Experiment {
         rig.tank.start_pose = self.start.to_array();
         let renderer = Renderer::new(&rig)?;
         let mut eye = Eye::new(&rig, self);
-        let mut seen = Seen {
-            t_s: Vec::new(),
-            truth: Vec::new(),
-            formula: Vec::new(),
-            joint: Vec::new(),
-            psi_s_rad: None,
-        };
+        let mut seen = Seen::default();
         let mut image = GreyImage {
             width_px: renderer.width_px(),
             height_px: renderer.height_px(),
