@@ -76,21 +76,16 @@ const OTHERS: [(u32, &str); 7] = [
     (CAP_TOUCH, "it is a touch panel"),
     (CAP_META_OUTPUT, "it takes metadata, it gives no pictures"),
 ];
-/// V4L2_CAP_META_CAPTURE
+// Bits of linux/videodev2.h, there V4L2_CAP_*; the kernel has VIDEO_ before OUTPUT and M2M.
 const CAP_META_CAPTURE: u32 = 0x0080_0000;
-/// V4L2_CAP_META_OUTPUT
 const CAP_META_OUTPUT: u32 = 0x0800_0000;
-/// V4L2_CAP_VIDEO_OUTPUT_MPLANE
 const CAP_OUTPUT_MPLANE: u32 = 0x2000;
-/// V4L2_CAP_VIDEO_M2M
 const CAP_M2M: u32 = 0x8000;
-/// V4L2_CAP_VIDEO_M2M_MPLANE
 const CAP_M2M_MPLANE: u32 = 0x4000;
 /// V4L2_CAP_VBI_CAPTURE and V4L2_CAP_SLICED_VBI_CAPTURE
 const CAP_VBI: u32 = 0x50;
 /// V4L2_CAP_RADIO and V4L2_CAP_SDR_CAPTURE
 const CAP_RADIO: u32 = 0x0014_0000;
-/// V4L2_CAP_TOUCH
 const CAP_TOUCH: u32 = 0x1000_0000;
 
 /// Why a node of these capabilities gives no pictures to a program; `None` = it does.

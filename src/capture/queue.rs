@@ -48,7 +48,7 @@ pub enum Outcome {
     Silence,
     /// Dequeue: this buffer is ours now. `void` = it holds no frame (ERROR, no bytes, no stamp).
     Dequeued {
-        /// Buffer.
+        /// Index of the buffer.
         index: u32,
         /// No frame in it.
         void: bool,
@@ -98,9 +98,9 @@ pub enum Notice {
     },
     /// A call failed; the stream is stopped, and started again after the back-off.
     Failed {
-        /// Call.
+        /// Call that failed.
         call: Call,
-        /// errno.
+        /// Its errno.
         errno: i32,
         /// Failures in a row, from 1.
         attempt: u32,
@@ -111,9 +111,9 @@ pub enum Notice {
     Voided,
     /// A buffer was refused once and will be tried again.
     Refused {
-        /// Buffer.
+        /// Index of the buffer.
         index: u32,
-        /// errno.
+        /// Its errno.
         errno: i32,
     },
     /// The kernel handed out a buffer it did not have; the stream is restarted.
@@ -123,7 +123,7 @@ pub enum Notice {
     },
     /// The device is gone.
     Gone {
-        /// errno.
+        /// Its errno.
         errno: i32,
     },
 }

@@ -82,7 +82,6 @@ pub struct Args {
 /// Shortest and longest plan \[s\]: one shorter than a vehicle's time constants says little, one longer is two plans.
 const LENGTHS_S: [f64; 2] = [5.0, 600.0];
 
-/// Length of a plan.
 fn length(text: &str) -> Result<Duration, String> {
     let length = inputs::some_duration(text)?;
     match length.as_secs_f64() {

@@ -67,7 +67,6 @@ enum Made {
     UpToDate,
     /// Tables and images.
     Files(Exported),
-    /// One table.
     Merged {
         rows: usize,
         note: Option<String>,

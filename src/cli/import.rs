@@ -88,7 +88,6 @@ pub(super) struct Printed<'a> {
     findings: &'a [Finding],
 }
 
-/// What may be imported.
 enum Input {
     Table(TableFile),
     Log(Recording),

@@ -264,13 +264,13 @@ impl FileMap {
 pub struct Map {
     /// How the file is written.
     pub file: FileMap,
-    /// Time.
+    /// Where a row's time stands.
     pub time: TimeMap,
     /// Measured channels and companions, by place.
     pub channels: Vec<ChannelMap>,
     /// Orientation, where it is a quaternion.
     pub quaternion: Option<QuaternionMap>,
-    /// Loads.
+    /// Commanded loads, in the order of the map.
     pub commands: Vec<CommandMap>,
 }
 

@@ -108,7 +108,6 @@ struct Kept {
     rest: Vec<u8>,
 }
 
-/// Samples that were kept.
 #[derive(Debug, Clone)]
 pub(crate) struct Spool(Arc<Kept>);
 

@@ -40,7 +40,7 @@ impl Own {
 /// What is fitted.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Measured.
+    /// The runs as they were measured.
     pub recording: Recording,
     /// The rig's vehicle.
     pub vehicle: Vehicle,
@@ -60,7 +60,7 @@ pub struct Body {
     pub rest: Vec<PerChannel<f64>>,
     /// Where one DOF alone moves and its position alone is measured: its line in every run.
     pub lines: Vec<Line>,
-    /// Candidates.
+    /// Terms that a model may hold beside the vehicle's own.
     pub candidates: Vec<Candidate>,
     /// Prior table.
     pub prior: PriorTable,

@@ -41,7 +41,7 @@ type Motion = Vec<Vec<PerChannel<f64>>>;
 /// A candidate beside a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictedGain {
-    /// Candidate.
+    /// Place of the candidate among the body's.
     pub candidate: usize,
     /// Natural numbers to begin from.
     pub numbers: Vec<f64>,
@@ -61,7 +61,6 @@ struct View {
     residuals: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
     filters: BTreeMap<usize, Vec<Filter>>,
     gradient: DVector<f64>,
-    /// Of the whole model.
     whole: Left,
     /// Of the model without each of its members.
     without: Vec<Option<(Left, Products)>>,

@@ -100,7 +100,7 @@ fn without_mean(kernel: &Kernel) -> Kernel {
 /// A table among the numbers of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// Candidate.
+    /// Place of the table among the body's candidates.
     pub candidate: usize,
     /// Place of its first point among the numbers.
     pub first: usize,

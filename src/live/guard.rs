@@ -49,15 +49,15 @@ pub struct Asked<'a> {
     pub path: &'a str,
     /// What follows the question mark.
     pub query: &'a str,
-    /// Host.
+    /// Header `Host`.
     pub host: Header<'a>,
-    /// Origin.
+    /// Header `Origin`.
     pub origin: Header<'a>,
     /// Sec-Fetch-Site.
     pub fetch_site: Header<'a>,
     /// Sec-Fetch-Mode.
     pub fetch_mode: Header<'a>,
-    /// Authorization.
+    /// Header `Authorization`.
     pub authorization: Header<'a>,
     /// The session's key ([`SESSION_HEADER`]).
     pub session: Header<'a>,

@@ -67,9 +67,9 @@ impl ImageKind {
 /// A topic with images.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageTopic {
-    /// Name.
+    /// Name of the topic.
     pub topic: String,
-    /// Schema.
+    /// Name of the schema.
     pub schema: String,
     /// Message encoding.
     pub encoding: String,

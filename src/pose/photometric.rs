@@ -42,6 +42,7 @@ use across::Across;
 use edge_strips::{Scratch, lit};
 use grid::Grid;
 use hydroline_calib::Pose;
+use interior_strips::InteriorStrip;
 use lighting::Cell;
 pub(crate) use lighting::{PRIOR_SD, line_range};
 pub use lighting::{UNEVEN, Uneven};
@@ -231,7 +232,14 @@ impl Photometric {
             };
             counter.strips(strips, cut);
             if let ([strip], false) = (strips, cut) {
-                self.compare_interior(&geometry, strip, pixels, state, derivatives, &mut counter);
+                let all = InteriorStrip {
+                    geometry: &geometry,
+                    strip,
+                    pixels,
+                    state,
+                    derivatives,
+                };
+                self.compare_interior(all, &mut counter);
                 continue;
             }
             if let Some(name) = strips.iter().find_map(|s| plan.edge(s)) {

@@ -39,7 +39,6 @@ const MIN_GROUPS: usize = 3;
 /// Smallest such variance that is looked into: waves of 0.3 grey levels.
 const MIN_RESTLESS: f64 = 0.05;
 
-/// Haze of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Haze {
     /// Level at the stripe as a fraction of the peak.

@@ -132,7 +132,7 @@ impl Safety {
         }
     }
 
-    /// State.
+    /// State of the thrusters.
     pub fn state(&self) -> State {
         self.state
     }

@@ -6,7 +6,6 @@ pub(super) mod written;
 pub(super) use words::Words;
 use words::{is_time, is_way_or_speed, split};
 
-/// What a column may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
     /// A stamp.

@@ -92,7 +92,6 @@ impl Column {
     }
 }
 
-/// All columns.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stats {
     pub rows: usize,

@@ -19,9 +19,9 @@ const LITTLE: f64 = 1e-4;
 /// What data say of a table's points f: ln p = -f A f / 2 + f h.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
-    /// A.
+    /// A: information of the points.
     pub information: DMatrix<f64>,
-    /// h.
+    /// h: slope of the log likelihood at f = 0.
     pub slope: DVector<f64>,
 }
 

@@ -20,7 +20,6 @@ use crate::term::{Candidate, Kind};
 const WORSE: f64 = 0.1;
 /// A form to be fitted.
 pub(super) struct Draft {
-    /// It, as it was ranked.
     pub ranked: Ranked,
     /// What it is multiplied by, by its place among the simulator's words, and the rate at which that is one.
     pub times: (usize, f64),

@@ -38,7 +38,7 @@ pub struct Tank {
     pub entries: Vec<PhysicsEntry>,
     /// A law outside of the library.
     pub external_law: Option<ExternalLaw>,
-    /// Measurement.
+    /// Noise and losses of the measurement.
     pub disturbance: Disturbance,
     /// Of noise.
     pub seed: u64,
@@ -47,7 +47,7 @@ pub struct Tank {
 /// One run.
 #[derive(Debug, Clone, Default)]
 pub struct Recorded {
-    /// Name.
+    /// Name of the log.
     pub name: String,
     /// (time, surge load \[N\]), only changes.
     pub edges: Vec<(f64, f64)>,

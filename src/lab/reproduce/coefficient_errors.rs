@@ -80,7 +80,6 @@ impl Identified {
 pub(super) struct CoefficientErrors {
     /// Mean error \[% of the actual\].
     pub mean_percent: [f64; 3],
-    /// rms error \[%\].
     pub rms_percent: [f64; 3],
     /// rms of the reported standard deviations \[%\].
     pub sd_percent: [f64; 3],

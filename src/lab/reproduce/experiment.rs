@@ -60,7 +60,7 @@ pub struct Experiment {
     /// (time \[s\], load \[N, N m\]), each held until the next.
     pub loads: Vec<(f64, f64)>,
     pub length_s: f64,
-    /// Disturbances.
+    /// Disturbances of the attitude.
     pub swings: Vec<Swing>,
 }
 
@@ -324,23 +324,16 @@ impl Eye {
                 f64::NAN
             }
         };
-        let of = |c: usize| -> Vec<f64> {
-            self.poses
-                .iter()
-                .map(|p| p.as_ref().map_or(f64::NAN, |p| coordinate(p, c)))
-                .collect()
+        let each = |f: &dyn Fn(&JointPose) -> f64| -> Vec<f64> {
+            let poses = self.poses.iter();
+            poses.map(|p| p.as_ref().map_or(f64::NAN, f)).collect()
         };
+        let of = |c: usize| each(&|p| coordinate(p, c));
         if self.dof == Dof::Surge {
-            let light = |f: &dyn Fn(&JointPose) -> f64| -> Vec<f64> {
-                self.poses
-                    .iter()
-                    .map(|p| p.as_ref().map_or(f64::NAN, f))
-                    .collect()
-            };
             one_sheet(
                 &along_track(&of(0), &of(1)),
-                &light(&|p| p.thickness_m),
-                &light(&|p| p.brightness),
+                &each(&|p| p.thickness_m),
+                &each(&|p| p.brightness),
             )
         } else {
             of(i)

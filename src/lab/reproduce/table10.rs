@@ -6,17 +6,10 @@ use serde::Serialize;
 use super::ReproduceError;
 use super::coefficient_errors::{CoefficientErrors, ESTIMATORS, Identified, by_condition};
 use super::experiment::{Experiment, Seen, Swing, guess_of};
-use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
+use super::paper::{TABLE7, TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::data::Start;
 use hydroline_identify::problem::Objective;
 use hydroline_pose::Pose;
-
-/// Table 7: ψ_S \[°\] and largest position error \[mm\] at 4 and 8 N.
-pub const TABLE7: [[(f64, f64); 2]; 3] = [
-    [(-4.05, 1.0), (-4.08, 1.0)],
-    [(-4.07, 14.6), (-4.05, 29.7)],
-    [(-1.53, 15.4), (-2.36, 27.9)],
-];
 
 /// How positions become coefficients, under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]

@@ -93,7 +93,7 @@ pub(crate) enum RunParameters {
     Known,
     /// As consider parameters: the products of its derivatives with others, none with each other.
     Considered,
-    /// All.
+    /// All of them are estimated.
     Estimated,
 }
 

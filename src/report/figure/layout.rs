@@ -30,7 +30,6 @@ const PER_NUMBER_ACROSS_PX: f64 = 80.0;
 /// A number on the ordinate for each so many pixels, at most; where that would be too few, one for each line of letters.
 const PER_NUMBER_UP_PX: f64 = 26.0;
 
-/// A panel with its place.
 pub(super) struct Placed<'a> {
     pub panel: &'a Panel,
     /// Between the axes' ends.

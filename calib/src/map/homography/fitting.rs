@@ -182,7 +182,7 @@ struct Problem<'a> {
 
 #[derive(Default)]
 struct Evaluated {
-    /// Whitened.
+    /// Whitened residuals.
     residuals: Vec<f64>,
     /// Σ (x/σ_prior)².
     penalty: f64,

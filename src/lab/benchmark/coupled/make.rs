@@ -99,11 +99,11 @@ impl Instruments {
 /// A case.
 #[derive(Debug, Clone)]
 pub struct CoupledCase {
-    /// Number.
+    /// Number of the case.
     pub index: usize,
     /// What the logs hold.
     pub instruments: Instruments,
-    /// Logs.
+    /// Logs that the diagnosis sees.
     pub sources: Vec<Source>,
     /// The rig file.
     pub rig: Rig,

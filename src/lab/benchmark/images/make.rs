@@ -46,7 +46,7 @@ const TOP_N: f64 = 24.0;
 /// A case.
 #[derive(Debug, Clone)]
 pub struct ImageCase {
-    /// Number.
+    /// Number of the case.
     pub index: usize,
     /// What the diagnosis may see: the rig file ...
     pub rig: Rig,
