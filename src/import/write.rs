@@ -11,7 +11,7 @@ use super::survey::Survey;
 use super::table::{Imported, Sample, pass};
 use behind::Behind;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::run::PerChannel;
+use hydroline_core::run::{COMPANIONS, Channel, PerChannel};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
@@ -344,12 +344,14 @@ impl<'a> Writer<'a> {
     fn motion(&self, row: &Sample) -> pb::VehicleMotion {
         let value = |c: usize| Some(row.values[c]).filter(|v| v.is_finite());
         let channels = PerChannel::from_fn(|c| value(c.index()));
+        let companions: [_; COMPANIONS.len()] = std::array::from_fn(|i| value(Channel::ALL.len() + i));
+        let [rudder_rad, elevator_rad, shaft_radps, wave_m] = companions;
         pb::VehicleMotion {
             covariance: self.covariance.clone(),
-            rudder_rad: value(12),
-            elevator_rad: value(13),
-            shaft_radps: value(14),
-            wave_m: value(15),
+            rudder_rad,
+            elevator_rad,
+            shaft_radps,
+            wave_m,
             ..pb::VehicleMotion::of(self.at(row.t_s), channels)
         }
     }

@@ -10,6 +10,7 @@ use prost_types::Timestamp;
 
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity};
+use hydroline_core::run::COMPANIONS;
 use hydroline_rigs::channel::{Channel, PerChannel};
 
 mod cdr;
@@ -232,7 +233,7 @@ impl VehicleMotion {
     }
 
     /// What is measured beside the motion: rudder, elevator, shaft, wave.
-    pub fn companions(&self) -> [Option<f64>; 4] {
+    pub fn companions(&self) -> [Option<f64>; COMPANIONS.len()] {
         [
             self.rudder_rad,
             self.elevator_rad,

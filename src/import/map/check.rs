@@ -21,11 +21,18 @@ pub(super) struct Checker<'a> {
 }
 
 pub(crate) fn dimension(place: usize) -> Dimension {
+    const OF_COMPANIONS: [Dimension; COMPANIONS.len()] = [
+        Dimension::Angle,
+        Dimension::Angle,
+        Dimension::Rate,
+        Dimension::Length,
+    ];
     match place {
-        0..3 | 15 => Dimension::Length,
-        3..6 | 12 | 13 => Dimension::Angle,
+        0..3 => Dimension::Length,
+        3..6 => Dimension::Angle,
         6..9 => Dimension::Speed,
-        _ => Dimension::Rate,
+        9..12 => Dimension::Rate,
+        companion => OF_COMPANIONS[companion - 12],
     }
 }
 

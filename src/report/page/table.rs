@@ -56,6 +56,7 @@ impl Table {
 
     /// Adds a row that was made before.
     pub fn push(&mut self, row: Row) {
+        debug_assert_eq!(row.cells.len(), self.head.len(), "cells of a row");
         self.rows.push(row);
     }
 
