@@ -19,8 +19,8 @@ use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_identify::{
     Identification, IdentifyError, ModelChoice, Options, Refitted, identify, refit,
 };
+use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -127,7 +127,7 @@ pub fn change(
         all => all,
     };
     // Each costs some fits of the day.
-    hypotheses.par_extend(several.par_iter().map(|&k| {
+    hypotheses.extend(parallel::map_slice(several, |&k| {
         let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
         let objective = |share: f64| -> f64 {
             let Ok((fit, chi2, _)) = day(&with_share(&start, k, share)) else {

@@ -13,10 +13,10 @@ use hydroline_diagnose::{Source, diagnose, read};
 use hydroline_identify::data::{LoadError, load};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
+use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -70,7 +70,7 @@ impl Campaign<'_> {
 
     /// Of each unit whether its sheet is there.
     pub fn done(&self) -> Vec<bool> {
-        self.units.par_iter().map(|u| self.is_done(u)).collect()
+        parallel::map_slice(self.units, |u| self.is_done(u))
     }
 
     /// Does a unit and keeps its sheet.

@@ -13,7 +13,7 @@ use hydroline_campaign::work::Campaign;
 use hydroline_campaign::{page::page, store::write_whole};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_diagnose::verdict::Word;
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -207,14 +207,12 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
         .into_iter()
         .partition(|u| matches!(u.task, Task::Group { .. }));
     for stage in [runs, days, groups] {
-        let failed: Vec<String> = stage
-            .par_iter()
-            .filter_map(|unit| {
-                let result = campaign.work(unit);
-                bar.inc(1);
-                Some(format!("{}: {}", unit.name, result.err()?))
-            })
-            .collect();
+        let failed = parallel::map_slice(&stage, |unit| {
+            let result = campaign.work(unit);
+            bar.inc(1);
+            Some(format!("{}: {}", unit.name, result.err()?))
+        });
+        let failed: Vec<String> = failed.into_iter().flatten().collect();
         if !failed.is_empty() {
             bar.finish_and_clear();
             return Err(CliError::Run(failed.join("\nhydroline: ")));

@@ -3,7 +3,7 @@
 use super::print::{self, errln};
 use super::{CliError, Outcome};
 use hydroline_log::Closing;
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -137,10 +137,7 @@ impl Many {
         let mut outcome = Outcome::Done;
         let mut bad: Vec<CliError> = Vec::new();
         for logs in self.logs.chunks(at_a_time.max(1)) {
-            let done: Vec<Result<T, CliError>> = match logs {
-                [log] => vec![of(log)],
-                logs => logs.par_iter().map(|log| of(log)).collect(),
-            };
+            let done = parallel::map_slice(logs, |log| of(log));
             for (log, done) in logs.iter().zip(done) {
                 match done.and_then(|made| report(log, made)) {
                     Ok(Outcome::Done) => {}

@@ -5,9 +5,9 @@ mod kinematics;
 
 use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
+use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 
 use super::verdict::DataFault;
 use hydroline_core::run::{Channel, Command, PerChannel, Run};
@@ -240,23 +240,21 @@ fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let Some(r) = recording.runs.first() else {
         return Vec::new();
     };
-    Channel::POSES
-        .into_par_iter()
-        .filter_map(|place| {
-            let each = r.times_s.iter().enumerate();
-            let (times_s, measured): (Vec<f64>, Vec<f64>) = each
-                .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
-                .filter(|(_, m)| m.is_finite())
-                .unzip();
-            let n = measured.len();
-            let used = apart::not_apart(&times_s, &measured);
-            let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
-            (share > OUTLIERS_SOME && n > 50).then(|| {
+    let found = parallel::map_slice(&Channel::POSES, |&place| {
+        let each = r.times_s.iter().enumerate();
+        let (times_s, measured): (Vec<f64>, Vec<f64>) = each
+            .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
+            .filter(|(_, m)| m.is_finite())
+            .unzip();
+        let n = measured.len();
+        let used = apart::not_apart(&times_s, &measured);
+        let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
+        (share > OUTLIERS_SOME && n > 50).then(|| {
                 let channel = place.name();
                 fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)
             })
-        })
-        .collect()
+    });
+    found.into_iter().flatten().collect()
 }
 
 /// What the log's own clock records say of a drift.

@@ -2,12 +2,11 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use hydroline_numerics::cancel;
 use hydroline_numerics::least_squares::Normal;
 use hydroline_numerics::noise::{Noise, Series, Whitener, estimate, mask};
 use hydroline_numerics::statistics::median;
+use hydroline_numerics::{cancel, parallel};
 use nalgebra::{DMatrix, DVector, Dyn};
-use rayon::prelude::*;
 
 use super::forward::{Forward, ForwardError};
 use super::parameter::Free;
@@ -261,8 +260,9 @@ impl<'a> Problem<'a> {
                     .sum(),
             })
         };
-        let each: Result<Vec<f64>, ForwardError> =
-            (0..self.forward.runs()).into_par_iter().map(run).collect();
+        let each: Result<Vec<f64>, ForwardError> = parallel::map(self.forward.runs(), run)
+            .into_iter()
+            .collect();
         each.ok()
             .map(|each| each.iter().sum::<f64>())
             .filter(|v| v.is_finite())
@@ -327,16 +327,13 @@ impl<'a> Problem<'a> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
         // Runs side by side, their sums in their order: the same bits on any number of cores.
-        let runs: Result<Vec<_>, ForwardError> = (0..self.forward.runs())
-            .into_par_iter()
-            .map(|run| {
-                let (residual, jacobian) =
-                    self.linearised(Objective::LeastSquares, run, parameters)?;
-                let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
-                Ok((0.5 * residual.norm_squared(), g, h))
-            })
-            .collect();
-        for (run, (of_run, g, h)) in runs?.into_iter().enumerate() {
+        let runs = parallel::map(self.forward.runs(), |run| {
+            let (residual, jacobian) = self.linearised(Objective::LeastSquares, run, parameters)?;
+            let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
+            Ok::<_, ForwardError>((0.5 * residual.norm_squared(), g, h))
+        });
+        for (run, of_run) in runs.into_iter().enumerate() {
+            let (of_run, g, h) = of_run?;
             cost += of_run;
             let columns = self.columns(run);
             for (i, ci) in columns.iter().enumerate() {

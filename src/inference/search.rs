@@ -8,7 +8,7 @@ mod proposals;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 
 use hydroline_core::run::Channel;
 use hydroline_identify::parameter::Term;
@@ -136,11 +136,10 @@ impl Search<'_> {
         self.fits += jobs.len();
         let body = &self.problem.body;
         self.cost += jobs.iter().map(|j| body.passes_of(&j.0)).sum::<usize>();
-        let made: Vec<Fit> = jobs
-            .into_par_iter()
-            .filter_map(|(terms, from, cells)| self.problem.fit(&terms, &from, cells, effort))
-            .collect();
-        for fit in made {
+        let made = parallel::map_owned(jobs, |(terms, from, cells)| {
+            self.problem.fit(&terms, &from, cells, effort)
+        });
+        for fit in made.into_iter().flatten() {
             tracing::debug!(
                 "{:.1} evidence {:.1} {:?} {:?}",
                 fit.ln_score,

@@ -5,8 +5,7 @@ use crate::{CliError, images, progress};
 use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
-use hydroline_numerics::cancel;
-use rayon::prelude::*;
+use hydroline_numerics::{cancel, parallel};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -162,14 +161,11 @@ pub fn collect(
     for batch in batches(sources) {
         match batch {
             Batch::Images(paths) => {
-                let looked: Vec<(bool, Looked)> = paths
-                    .par_iter()
-                    .map(|path| {
-                        cancel::check();
-                        let image = images::load(path, &reading.rule);
-                        (image.is_err(), look(setup, image, true))
-                    })
-                    .collect();
+                let looked = parallel::map_slice(&paths, |path| {
+                    cancel::check();
+                    let image = images::load(path, &reading.rule);
+                    (image.is_err(), look(setup, image, true))
+                });
                 for (path, (unreadable, looked)) in paths.iter().zip(looked) {
                     collected.unreadable_images += u64::from(unreadable);
                     if let Err(words) = collected.take(setup, looked) {
@@ -227,18 +223,15 @@ fn log(
     let mut frames: Vec<(u64, Frame)> = Vec::with_capacity(BATCH);
     let mut index = 0u64;
     let mut flush = |frames: &mut Vec<(u64, Frame)>| {
-        let looked: Vec<Looked> = frames
-            .par_iter()
-            .map(|(k, frame)| {
-                cancel::check();
-                if let Some(fault) = frame.meta.fault {
-                    let name = hydroline_log::messages::fault_name(fault);
-                    return Err(format!("frame excluded: {name}"));
-                }
-                let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
-                look(setup, grey, k % REASON_EVERY == 0)
-            })
-            .collect();
+        let looked = parallel::map_slice(frames, |(k, frame)| {
+            cancel::check();
+            if let Some(fault) = frame.meta.fault {
+                let name = hydroline_log::messages::fault_name(fault);
+                return Err(format!("frame excluded: {name}"));
+            }
+            let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
+            look(setup, grey, k % REASON_EVERY == 0)
+        });
         for ((_, frame), looked) in frames.drain(..).zip(looked) {
             match collected.take(setup, looked) {
                 Ok(()) => {

@@ -1,10 +1,10 @@
 //! Forms in a table's place: fitted to the data, with the fit that every model has.
 
+use hydroline_numerics::parallel;
 use hydroline_sim::effect::EffectInfo;
 use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::written_force::is_a_rate;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::curve::Likelihood;
 use super::grammar::{Along, held};
@@ -120,7 +120,8 @@ impl Problem {
             );
             Some((k, candidate, made))
         };
-        (0..drafts.len()).into_par_iter().filter_map(fit).collect()
+        let fits = parallel::map(drafts.len(), fit);
+        fits.into_iter().flatten().collect()
     }
 
     /// What the data say of a table's points, all other numbers of the model integrated out about where it is.

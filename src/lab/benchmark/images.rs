@@ -20,9 +20,9 @@ use super::score::Rate;
 use hydroline_diagnose::profiles::findings::{Findings, ImageError, explain};
 use hydroline_diagnose::profiles::known;
 use hydroline_diagnose::verdict::{Effect, Word};
+use hydroline_numerics::parallel;
 use hydroline_rigs::PhysicsEntry;
 use hydroline_stripe::Profile;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -80,16 +80,13 @@ pub fn run(
     kept: Option<&Kept>,
     done: &(dyn Fn(&ImageJudged) + Sync),
 ) -> Result<Vec<ImageJudged>, ProveError> {
-    indices
-        .par_iter()
-        .map(|index| {
-            let judged = Kept::or_run(kept, &format!("image-{index}"), || {
-                Ok(judge(&make(seed, *index)?)?.0)
-            })?;
-            done(&judged);
-            Ok(judged)
-        })
-        .collect()
+    parallel::try_map_slice(indices, |index| {
+        let judged = Kept::or_run(kept, &format!("image-{index}"), || {
+            Ok(judge(&make(seed, *index)?)?.0)
+        })?;
+        done(&judged);
+        Ok(judged)
+    })
 }
 
 /// Diagnoses and scores a case; the findings beside it, where there are any.

@@ -6,8 +6,8 @@ use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::Objective;
 use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen};
@@ -25,8 +25,7 @@ pub(super) fn by_condition<C: Copy + Sync, O: Send>(
         .iter()
         .flat_map(|c| (1..=seeds).map(move |seed| (*c, seed)))
         .collect();
-    let found: Result<Vec<O>, ReproduceError> = all.par_iter().map(|(c, s)| one(*c, *s)).collect();
-    let mut found = found?.into_iter();
+    let mut found = parallel::try_map_slice(&all, |(c, s)| one(*c, *s))?.into_iter();
     Ok(chosen
         .iter()
         .map(|c| (*c, (1..=seeds).map_while(|_| found.next()).collect()))

@@ -25,9 +25,9 @@ use super::{Hint, PoseFitter};
 use crate::initial;
 use hydroline_calib::Pose;
 use hydroline_core::frame::GreyImage;
+use hydroline_numerics::parallel;
 use hydroline_stripe::Profile;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 mod applied;
@@ -176,10 +176,9 @@ pub fn refine(
     wanted: Wanted,
 ) -> Result<Refined, RefineError> {
     let axes = wanted.axes();
-    let fits: Vec<Option<State>> = frames
-        .par_iter()
-        .map(|(image, profile, hint)| fitter.begun(image, profile, hint, wanted))
-        .collect();
+    let fits = parallel::map_slice(frames, |(image, profile, hint)| {
+        fitter.begun(image, profile, hint, wanted)
+    });
     let own = fits.into_iter().zip(frames).enumerate();
     let mut own: Vec<Own> = own
         .filter_map(|(index, (state, (_, _, hint)))| {
@@ -306,20 +305,14 @@ fn newton(
         (by[i], by[j]) = (1.0, 1.0);
         places.push(by);
     }
-    let tried: Vec<(Geometry, Photometric)> = places
-        .par_iter()
-        .map(|by| {
-            let here = geometry.moved(std::array::from_fn(|i| by[i] * sizes[i]));
-            (here, fitter.tilted(here))
-        })
-        .collect();
-    let costs: Vec<Option<Vec<f64>>> = own
-        .par_iter_mut()
-        .map(|own| {
-            let (image, profile, _) = frames.get(own.index)?;
-            fitter.costs(image, profile, own, &tried)
-        })
-        .collect();
+    let tried = parallel::map_slice(&places, |by| {
+        let here = geometry.moved(std::array::from_fn(|i| by[i] * sizes[i]));
+        (here, fitter.tilted(here))
+    });
+    let costs = parallel::map_owned(own.iter_mut().collect(), |own: &mut Own| {
+        let (image, profile, _) = frames.get(own.index)?;
+        fitter.costs(image, profile, own, &tried)
+    });
     let mut sums = vec![0.0; places.len()];
     let mut kept = costs.iter();
     own.retain(|_| kept.next().is_some_and(Option::is_some));

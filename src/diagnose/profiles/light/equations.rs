@@ -5,10 +5,9 @@ use super::forward::{AMBIENTS, Fields, Forward, GAINS, Own, Uncertain};
 use super::options::LightOptions;
 use super::samples::{Bin, LightFrame};
 use crate::profiles::candidate::Base;
-use hydroline_numerics::cancel;
+use hydroline_numerics::{cancel, parallel};
 use hydroline_rigs::Rig;
 use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2};
-use rayon::prelude::*;
 
 /// Numbers of [`Uncertain`].
 pub(super) const NUISANCES: usize = 5 + GAINS + AMBIENTS;
@@ -185,15 +184,24 @@ impl Data<'_> {
         Some(moved)
     }
 
+    /// Results of a job for each frame with its own numbers.
+    fn each<T: Send>(
+        &self,
+        state: &State,
+        job: impl Fn(&LightFrame, &[f64; OWN]) -> T + Sync,
+    ) -> Vec<T> {
+        let frames: Vec<_> = self.frames.iter().zip(&state.own).collect();
+        parallel::map_slice(&frames, |(frame, own)| job(frame, own))
+    }
+
     /// log likelihood alone.
     pub fn value(&self, state: &State) -> Option<f64> {
         let forward = self.forward(state, None)?;
-        let each = self.frames.par_iter().zip(&state.own);
-        let values = each.map(|(f, own)| {
+        let values = self.each(state, |f, own| {
             self.frame(f, own, &forward, (&[], state.spread_grey), false)
                 .value
         });
-        let sum: f64 = values.collect::<Vec<_>>().iter().sum();
+        let sum: f64 = values.iter().sum();
         sum.is_finite().then_some(sum)
     }
 
@@ -202,10 +210,9 @@ impl Data<'_> {
         let forward = self.forward(state, None)?;
         let moved = self.moved(state, &forward)?;
         let timed = self.timed(&forward);
-        let each = self.frames.par_iter().zip(&state.own);
-        let frames: Vec<Frame> = each
-            .map(|(f, own)| self.frame(f, own, &forward, (&moved, state.spread_grey), true))
-            .collect();
+        let frames = self.each(state, |f, own| {
+            self.frame(f, own, &forward, (&moved, state.spread_grey), true)
+        });
         let n = moved.len() + GAINS + AMBIENTS;
         let mut sum = Equations {
             value: 0.0,
@@ -343,10 +350,7 @@ impl Data<'_> {
         if !self.timed(&forward) {
             return Some(state);
         }
-        let each = self.frames.par_iter().zip(&state.own);
-        state.own = each
-            .map(|(f, own)| self.phase_of(f, own, &forward, count))
-            .collect();
+        state.own = self.each(&state, |f, own| self.phase_of(f, own, &forward, count));
         Some(state)
     }
 

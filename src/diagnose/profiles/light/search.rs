@@ -11,9 +11,9 @@ use crate::profiles::observe::ImageRun;
 use crate::verdict::ESTABLISHED;
 use hydroline_inference::posterior::{Marginal, marginals};
 use hydroline_inference::prior::PriorTable;
+use hydroline_numerics::parallel;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::CheckedEffect;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Change of a floor that is worth another search.
@@ -327,14 +327,12 @@ fn gaining_starts(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let Some(now) = few.fit(&best.state, few.options.steps.0) else {
         return Vec::new();
     };
-    let mut found: Vec<(f64, Start)> = tries
-        .par_iter()
-        .filter_map(|start| {
-            let fit = few.fit_from(&added(&now.state, start), few.options.steps.0, &NEAR_GREY)?;
-            let numbers = fit.state.numbers.last()?.clone();
-            Some((fit.ln_evidence - now.ln_evidence, (start.0, numbers)))
-        })
-        .collect();
+    let found = parallel::map_slice(&tries, |start| {
+        let fit = few.fit_from(&added(&now.state, start), few.options.steps.0, &NEAR_GREY)?;
+        let numbers = fit.state.numbers.last()?.clone();
+        Some((fit.ln_evidence - now.ln_evidence, (start.0, numbers)))
+    });
+    let mut found: Vec<(f64, Start)> = found.into_iter().flatten().collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut seen = BTreeSet::new();
     found.retain(|(gain, (t, _))| {
