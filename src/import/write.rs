@@ -344,7 +344,8 @@ impl<'a> Writer<'a> {
     fn motion(&self, row: &Sample) -> pb::VehicleMotion {
         let value = |c: usize| Some(row.values[c]).filter(|v| v.is_finite());
         let channels = PerChannel::from_fn(|c| value(c.index()));
-        let companions: [_; COMPANIONS.len()] = std::array::from_fn(|i| value(Channel::ALL.len() + i));
+        let companions: [_; COMPANIONS.len()] =
+            std::array::from_fn(|i| value(Channel::ALL.len() + i));
         let [rudder_rad, elevator_rad, shaft_radps, wave_m] = companions;
         pb::VehicleMotion {
             covariance: self.covariance.clone(),

@@ -112,8 +112,11 @@ fn export_of_a_folder_is_repeated_for_what_is_new() {
     table
         .set_modified(SystemTime::now() - Duration::from_secs(3600))
         .unwrap();
-    let (_, out, _) = run(dir, &words);
-    assert!(out.starts_with("tables/a.csv: ") && out.lines().count() == 1);
+    let (_, out, err) = run(dir, &words);
+    assert!(
+        out.starts_with("tables/a.csv: ") && out.lines().count() == 1,
+        "{out:?}, {err}"
+    );
     // Without --update nothing is replaced.
     let (code, _, err) = run(dir, &words[..5]);
     assert_eq!(code, Some(2), "{err}");

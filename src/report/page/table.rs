@@ -56,7 +56,8 @@ impl Table {
 
     /// Adds a row that was made before.
     pub fn push(&mut self, row: Row) {
-        debug_assert_eq!(row.cells.len(), self.head.len(), "cells of a row");
+        let columns: usize = row.cells.iter().map(|c| c.columns).sum();
+        debug_assert_eq!(columns, self.head.len(), "cells of a row");
         self.rows.push(row);
     }
 
