@@ -204,7 +204,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             calibrate: None,
             out: None,
         };
-        return AtTank::new(&session, work, calibrating).run();
+        return AtTank::new(&session, work, calibrating)?.run();
     }
     if args.yes || !args.dof.is_empty() {
         let flag = if args.yes { "--yes" } else { "--dof" };
@@ -264,7 +264,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         rigs: run_rigs(&rig, check.as_ref(), args.runs),
         outs,
     });
-    let mut series = AtTank::new(&session, work, calibrating);
+    let mut series = AtTank::new(&session, work, calibrating)?;
     let result = series.run();
     if args.json {
         print::json(&Printed {
@@ -315,7 +315,17 @@ fn checked(
         conditions.salinity_gpkg,
     );
     let image = Some(ImageSize::of(&rig.camera));
-    let (calibration, warning) = args.using.fit_to_run(calibration, run, index, image)?;
+    args.using.fit_to_run(calibration, run, index, image)
+}
+
+/// The same, with its warning printed.
+fn checked_aloud(
+    args: &Args,
+    rig: &Rig,
+    conditions: &Conditions,
+    calibration: Calibration,
+) -> Result<(Calibration, Option<String>), CliError> {
+    let (calibration, warning) = checked(args, rig, conditions, calibration)?;
     if let Some(words) = &warning {
         errln!("hydroline: {words}");
     }

@@ -18,6 +18,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// The line of a file that names the camera.
 const CAMERA_LINE: &str = "# camera: ";
+
 /// By which calibration runs will be seen, for what is checked before them.
 #[derive(Debug, clap::Args)]
 pub struct SeenArgs {

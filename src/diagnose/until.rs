@@ -145,7 +145,7 @@ impl<'a> Series<'a> {
         Ok(self.designed.get_or_init(|| set))
     }
 
-    /// Effects that runs cannot show are in no verdict: before one stands, effects of typical size have to show in these runs as they
+    /// Effects that runs cannot show are in no verdict: before one is final, effects of typical size have to show in these runs as they
     /// would in a plan made for that.
     fn look_closer(
         &self,

@@ -8,7 +8,7 @@ mod vehicle;
 
 pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
 pub use mismatch::{DataFault, NoiseFound, Test, Where};
-pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun};
+pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
 pub use unexplained::{ClosedForm, Piece, Unexplained, WrittenForm};
 pub use vehicle::{AtLimit, Parameters};
 
@@ -18,7 +18,8 @@ use serde::Serialize;
 
 /// Probability from which an effect is established, and goes into a rig.
 pub const ESTABLISHED: f64 = 0.95;
-/// One word. Ordered: of two verdicts on the same logs the later one stands.
+
+/// Word of a verdict. Ordered: of two verdicts on the same logs the later one holds.
 #[derive(
     Debug,
     Clone,

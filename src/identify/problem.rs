@@ -260,10 +260,9 @@ impl<'a> Problem<'a> {
                     .sum(),
             })
         };
-        let each: Result<Vec<f64>, ForwardError> = parallel::map(self.forward.runs(), run)
-            .into_iter()
-            .collect();
-        each.ok()
+        let runs: Vec<usize> = (0..self.forward.runs()).collect();
+        parallel::try_map_slice(&runs, |r| run(*r))
+            .ok()
             .map(|each| each.iter().sum::<f64>())
             .filter(|v| v.is_finite())
             .unwrap_or(f64::INFINITY)
@@ -327,13 +326,13 @@ impl<'a> Problem<'a> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
         // Runs side by side, their sums in their order: the same bits on any number of cores.
-        let runs = parallel::map(self.forward.runs(), |run| {
+        let runs: Vec<usize> = (0..self.forward.runs()).collect();
+        let runs = parallel::try_map_slice(&runs, |&run| {
             let (residual, jacobian) = self.linearised(Objective::LeastSquares, run, parameters)?;
             let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
             Ok::<_, ForwardError>((0.5 * residual.norm_squared(), g, h))
-        });
-        for (run, of_run) in runs.into_iter().enumerate() {
-            let (of_run, g, h) = of_run?;
+        })?;
+        for (run, (of_run, g, h)) in runs.into_iter().enumerate() {
             cost += of_run;
             let columns = self.columns(run);
             for (i, ci) in columns.iter().enumerate() {

@@ -22,7 +22,7 @@ pub enum Column {
     Name {
         /// As the header has it.
         name: String,
-        /// `None` = it stands there once.
+        /// `None` = it is there once.
         nth: Option<usize>,
     },
 }
@@ -93,7 +93,7 @@ pub struct ChannelMap {
     pub sd: Option<f64>,
     /// What an empty cell means.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
     /// A velocity along the tank's axes, to be rotated into the body's.
     pub in_tank: bool,
@@ -116,7 +116,7 @@ pub struct CommandMap {
     pub between: Between,
     /// What an empty cell means.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
 }
 
@@ -141,7 +141,7 @@ pub struct QuaternionMap {
     pub axes: Axes,
     /// What an empty cell means.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
 }
 
@@ -264,7 +264,7 @@ impl FileMap {
 pub struct Map {
     /// How the file is written.
     pub file: FileMap,
-    /// Where a row's time stands.
+    /// Place of a row's time.
     pub time: TimeMap,
     /// Measured channels and companions, by place.
     pub channels: Vec<ChannelMap>,

@@ -16,10 +16,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
+/// Least pieces of a map for each thread: the last piece alone is waited for, an eighth of a thread's share.
+const PIECES_PER_THREAD: usize = 8;
+
 /// Runs a job for each index below `count`.
 fn each(count: usize, job: &(dyn Fn(usize) + Sync)) {
-    // Down to single jobs: by itself rayon stops at a few pieces per thread, and long jobs in one piece wait for each other.
-    (0..count).into_par_iter().with_max_len(1).for_each(job);
+    // By itself rayon stops at a piece per thread, and long jobs in one piece wait for each other. Single jobs out of many would
+    // pile up: a thread whose job waits for a map of its own begins the next piece on top of it.
+    let piece = count.div_ceil(PIECES_PER_THREAD * rayon::current_num_threads());
+    let jobs = (0..count).into_par_iter().with_max_len(piece.max(1));
+    jobs.for_each(job);
 }
 
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {

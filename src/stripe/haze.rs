@@ -388,6 +388,7 @@ impl Haze {
         }
     }
 }
+
 /// Haze integrated over the pixel at `distance_px` below the stripe: exp(-d/length) on one side.
 pub(super) fn haze_over_pixel(distance_px: f64, length_px: f64) -> f64 {
     let along = distance_px * -length_px.signum();

@@ -130,14 +130,15 @@ fn every_field_is_documented_and_true() {
     }
     assert!(limits.iter().any(|l| l["key"] == "x_uu"), "{limits:?}");
 
-    let others = &verdict["leave_one_run_out"];
-    for run in ["reversals", "two-tone"] {
+    let others = verdict["leave_one_run_out"]["runs"].as_array().unwrap();
+    let names: Vec<&Value> = others.iter().map(|r| &r["run"]).collect();
+    assert_eq!(names, ["reversals", "two-tone"]);
+    for run in others {
         let of = |by: &str| {
-            let run = &others[by][run];
-            assert!(run["rms"]["x_m"].is_f64(), "{others}");
-            run["log_predictive_density"].as_f64().unwrap()
+            assert!(run[by]["rms"]["x_m"].is_f64(), "{run}");
+            run[by]["log_predictive_density"].as_f64().unwrap()
         };
-        assert!(of("after") > of("before"), "{others}");
+        assert!(of("after") > of("before"), "{run}");
     }
 
     // Missing physics alone is left out; a run that was predicted is held out.

@@ -74,18 +74,26 @@ pub(super) struct AtTank<'a> {
 }
 
 impl<'a> AtTank<'a> {
-    pub fn new(session: &'a Session<'a>, work: Work<'a>, calibrating: Calibrating) -> Self {
+    pub fn new(
+        session: &'a Session<'a>,
+        work: Work<'a>,
+        calibrating: Calibrating,
+    ) -> Result<Self, CliError> {
         let map: Arc<dyn PlaneMap> = match &calibrating.calibration {
-            Some(calibration) => Arc::from(calibration.to_map()),
+            Some(calibration) => {
+                let calibration = calibration.clone();
+                let fitted = checked(session.args, session.rig, session.conditions, calibration)?;
+                Arc::from(fitted.0.to_map())
+            }
             None => Arc::new(IdealMap::of(session.rig)),
         };
-        Self {
+        Ok(Self {
             session,
             work,
             calibrating,
             map,
             reports: Vec::new(),
-        }
+        })
     }
 
     fn rules(&self) -> Rules {
@@ -180,7 +188,7 @@ impl<'a> AtTank<'a> {
             ready_within: args.ready_within,
             with_thrusters: !args.no_thrusters,
             calibration: calibration
-                .map(|c| checked(args, rig, conditions, c))
+                .map(|c| checked_aloud(args, rig, conditions, c))
                 .transpose()?,
             calibrate: self.calibrating.calibrate.clone(),
             build: self.session.build,

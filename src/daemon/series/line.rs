@@ -1,4 +1,4 @@
-//! What a series says between its steps.
+//! Lines that a series prints between its steps.
 
 use std::fmt;
 

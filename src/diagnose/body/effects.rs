@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 use super::found::{Judged, relative};
 use crate::verdict::{
     self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, LeaveOneRunOut, Parameters,
-    PredictedRun, Value,
+    PredictedRun, Predictive, Value,
 };
 
 /// Probability from which an effect is listed.
@@ -311,19 +311,26 @@ impl Judged<'_> {
     pub fn leave_one_run_out(&self) -> Option<LeaveOneRunOut> {
         let predicted = self.one_run_out.as_ref()?;
         let problem = &self.found.problem;
-        let by_run = |of: &Prediction| {
+        let by_run = |of: &Prediction| -> Vec<Predictive> {
             let left = problem.left_by_run(&of.values);
             let each = left.iter().zip(problem.log_density(of));
-            let each = each.map(|(rms, log_predictive_density)| PredictedRun {
+            let each = each.map(|(rms, log_predictive_density)| Predictive {
                 log_predictive_density,
                 rms: rms.by_name(),
             });
-            let names = problem.body.recording.runs.iter().map(|r| r.name.clone());
-            names.zip(each).collect()
+            each.collect()
         };
+        let each = by_run(&predicted.before).into_iter();
+        let each = each.zip(by_run(&predicted.after));
+        let runs = problem.body.recording.runs.iter().zip(each);
         Some(LeaveOneRunOut {
-            before: by_run(&predicted.before),
-            after: by_run(&predicted.after),
+            runs: runs
+                .map(|(run, (before, after))| PredictedRun {
+                    run: run.name.clone(),
+                    before,
+                    after,
+                })
+                .collect(),
             rms: self.before_after(&predicted.rms),
         })
     }

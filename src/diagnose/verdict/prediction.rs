@@ -19,7 +19,7 @@ pub struct BeforeAfter {
 }
 
 impl BeforeAfter {
-    /// Whether no channel stands in it.
+    /// Whether it holds no channel.
     pub fn is_empty(&self) -> bool {
         self.before.is_empty()
     }
@@ -64,22 +64,31 @@ pub struct FitTable {
     pub held_out_by: String,
 }
 
-/// A run as the others predict it.
+/// Prediction of a run held against what was measured.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct PredictedRun {
+pub struct Predictive {
     /// Log density of its samples, each normal about the prediction with the variance of noise and prediction \[nat\].
     pub log_predictive_density: f64,
     /// rms of what the prediction leaves, per channel \[SI\].
     pub rms: BTreeMap<String, f64>,
 }
 
+/// A run as the others predict it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
+pub struct PredictedRun {
+    /// Name of the run: its log's, with the window where one was given.
+    pub run: String,
+    /// Prediction without effects.
+    pub before: Predictive,
+    /// Prediction with the effects.
+    pub after: Predictive,
+}
+
 /// Each run as the others predict it, the model refitted without that run.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct LeaveOneRunOut {
-    /// By run, without effects.
-    pub before: BTreeMap<String, PredictedRun>,
-    /// By run, with the effects.
-    pub after: BTreeMap<String, PredictedRun>,
+    /// Run by run, in the order of the logs.
+    pub runs: Vec<PredictedRun>,
     /// rms over all runs per channel.
     pub rms: BeforeAfter,
 }

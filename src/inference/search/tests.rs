@@ -7,7 +7,7 @@ use crate::recording::Recording;
 use crate::tests::fixtures::{Tank, entry};
 use hydroline_rigs::PhysicsEntry;
 
-/// Short runs, so that every day has its share; `a_few_cases` has more.
+/// Search over short runs, which every day has time for.
 fn short(driven: &[usize], effects: Vec<PhysicsEntry>, seed: u64) -> (Found, Posterior) {
     let tank = Tank {
         seconds: 12.0,

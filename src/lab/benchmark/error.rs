@@ -24,7 +24,7 @@ pub enum ProveError {
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(
-        "no practical size of '{effect}' is known: src/benchmark/{file} has its effects in a list, and an arm for each of them"
+        "no practical size of '{effect}' is known: src/lab/benchmark/{file} has its effects in a list, and an arm for each of them"
     )]
     Unsized {
         effect: String,

@@ -42,6 +42,12 @@ impl Judged {
             (Value::Object(_), _) => {
                 self.wrong.push(format!("{place}: is no longer there"));
             }
+            (Value::Number(_), is) if !is.is_number() => {
+                self.wrong.push(format!("{place}: was {expected}, is {is}"));
+            }
+            (Value::Array(_), is) if !is.is_array() => {
+                self.wrong.push(format!("{place}: is no longer there"));
+            }
             (Value::Bool(_), _) if expected != found => {
                 self.wrong
                     .push(format!("{place}: was {expected}, is {found}"));
