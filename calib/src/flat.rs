@@ -22,7 +22,7 @@ pub use steady::Unsteady;
 
 use hydroline_rigs::StatedResponse;
 
-/// What an exposure series must be like.
+/// Requirements on an exposure series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Fewer frames of an exposure do not determine its noise.
@@ -90,11 +90,11 @@ pub struct Flat {
     pub blocks: [usize; 2],
     /// Share by which each exposure that was used is brighter than by its exposure time, by name.
     pub off_times: Vec<(String, f64)>,
-    /// What a person should know of it.
+    /// Remarks for the user, e.g. an exposure that was left out.
     pub remarks: Vec<String>,
 }
 
-/// What of the levels is no power of light.
+/// Deviation of the levels from a power of light.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Deviation {
     /// Root mean square over the levels \[grey levels\].
@@ -177,7 +177,7 @@ pub enum FlatError {
 }
 
 impl Flat {
-    /// What a rig states of it.
+    /// The response as a rig states it.
     pub fn stated(&self, source: String) -> StatedResponse {
         // As many digits as the sds have meaning for.
         let digits = |value: f64, sd: f64| {

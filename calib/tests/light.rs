@@ -181,7 +181,7 @@ fn without_a_key_nobody_can_tell_that_the_image_is_mirrored() {
     assert_eq!(found.orientation, Orientation::UprightAssumed);
 }
 
-/// What became of a covered board, in words to be counted; those that are wrong are in capitals.
+/// Outcome of a covered board, in words to be counted; wrong ones are in capitals.
 fn judge_covered(c: &Covered) -> String {
     let (board, of) = (
         &c.shot.board,

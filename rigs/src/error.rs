@@ -1,4 +1,4 @@
-//! What can be wrong with a rig, target, board or plan file.
+//! Errors of rig, target, board and plan files.
 //!
 //! A file is read to its end before anything is reported, so one run shows every
 //! mistake in it; each [`Problem`] says where, what was typed, what is allowed and
@@ -13,7 +13,7 @@ pub enum RigError {
     #[error("{file}: cannot be read: {reason}. {next}")]
     Unreadable {
         file: String,
-        /// What the operating system said, or why the content was refused.
+        /// The operating system's message, or why the content was refused.
         reason: String,
         next: String,
     },
@@ -52,7 +52,7 @@ pub struct Problem {
     pub line: Option<usize>,
     /// Key path, entries of lists counted from 0: `thruster[2].curve[3]`. Empty for the file as a whole.
     pub key: String,
-    /// What is wrong.
+    /// Kind of problem, with its message.
     pub kind: ProblemKind,
 }
 
@@ -69,7 +69,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// What is wrong with a key or a value.
+/// Kind of problem with a key or a value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ProblemKind {
@@ -88,7 +88,7 @@ pub enum ProblemKind {
     #[error("is {typed}, but must be {expected}")]
     WrongType {
         typed: String,
-        /// What is expected, with unit.
+        /// Expected content, with unit.
         expected: String,
     },
     #[error("is {typed}, but must be {allowed}{hint}")]

@@ -4,7 +4,7 @@ mod allocation;
 
 pub use allocation::{Allocated, Allocation, Saturation};
 
-/// What can go wrong between a wrench and the pulses.
+/// Error between a wrench and the pulses.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ThrustError {
@@ -14,7 +14,7 @@ pub enum ThrustError {
     NotSpanned {
         dof: &'static str,
         asked: f64,
-        /// What the least-squares allocation gives \[N or N m\].
+        /// Result of the least-squares allocation \[N or N m\].
         reached: f64,
     },
     #[error("{given} values for {thrusters} thrusters; give one each, in the rig's order")]

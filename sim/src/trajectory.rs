@@ -20,7 +20,7 @@ pub const GRID_STEP_S: f64 = 0.005;
 /// Nodes kept for late commands and for looking back (camera latency): 10 s of grid and more.
 const NODES_KEPT: usize = 4096;
 
-/// What can go wrong along a trajectory.
+/// Error along a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum TrajectoryError {

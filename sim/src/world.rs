@@ -12,7 +12,7 @@ use crate::trajectory::{GRID_STEP_S, Trajectory, TrajectoryError};
 use crate::vehicle::VehicleState;
 use hydroline_rigs::{Rig, Wrench};
 
-/// What can go wrong in a simulated world.
+/// Failure of a simulated world: of its effects, thrusters or trajectory.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SimError {

@@ -96,7 +96,7 @@ fn typical(id: &str) -> CheckedEffect {
     check(&[entry]).unwrap().remove(0)
 }
 
-/// What each effect leaves after the refit \[mm\].
+/// Motion that each effect leaves after the refit \[mm\].
 struct Left<'a>(Vec<(&'a str, DVector<f64>)>);
 
 impl<'a> Left<'a> {
@@ -138,7 +138,7 @@ impl<'a> Left<'a> {
         self.of(a).normalize().dot(&self.of(b).normalize())
     }
 
-    /// What is left of an effect where the other's size is fitted too \[mm\].
+    /// Rms that an effect leaves where the other's size is fitted too \[mm\].
     fn beside(&self, id: &str, other: &str) -> f64 {
         self.rms(id) * (1.0 - self.cos(id, other).powi(2)).max(0.0).sqrt()
     }

@@ -1,4 +1,4 @@
-//! Which single change of the rig explains a day after the days before it.
+//! Single change of the rig that explains a day after the days before it.
 //!
 //! The days before give coefficients θ with covariance C. Under a cause with one number s (a mass that was added, a factor on
 //! damping, on all thrusts, on one thruster) the day's own coefficients θ_d, fitted with the loads as that cause has them, are
@@ -70,7 +70,7 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, IdentifyError> {
     )
 }
 
-/// What changed from the days before to a day.
+/// Finds the change from the days before to a day, and the probability that there is none.
 ///
 /// # Errors
 /// Words: a fit that is not possible.
@@ -96,7 +96,7 @@ pub fn change(
     };
     // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
-    // What the whole fit knows beside the noise (misfit, errors that poses share) widens a day's coefficients as those before.
+    // Covariance of the whole fit beyond the noise's (misfit, errors that poses share) widens a day's coefficients as those before.
     let noise_alone = refit(&runs_before, &start, &before).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
     let compared = Compared::of(&reference, &wider.apply(&as_is))

@@ -290,7 +290,7 @@ fn thinned(mut points: Vec<[f64; 3]>) -> (Vec<[f64; 4]>, usize) {
     (of_many.collect(), each)
 }
 
-/// Which loads and rates the runs cover.
+/// Table of the loads and rates that the runs cover.
 fn coverage(b: &mut Body, covered: &BTreeMap<&'static str, ([f64; 2], usize)>) {
     if covered.is_empty() {
         return;

@@ -32,7 +32,7 @@ pub enum StoreError {
     },
 }
 
-/// What a key is made of, part by part; parts cannot run into each other.
+/// Hash of the inputs of a key, part by part; parts cannot run into each other.
 #[derive(Debug, Clone)]
 pub struct Key(Sha256);
 
@@ -61,7 +61,7 @@ fn hex(digest: &[u8]) -> String {
     all.chars().take(KEY_DIGITS).collect()
 }
 
-/// What identifies a file's content without reading it.
+/// Size and time of change, by which a file's content is known without reading it, and its hash.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Seen {
     bytes: u64,

@@ -1,4 +1,4 @@
-//! What lies in a folder: logs with what they are of, and files that are none, each with the reason.
+//! Survey of a folder: logs with their identity, and files that are none, each with the reason.
 
 use crate::store::{Key, Store, StoreError};
 use hydroline_log::{LogReader, MetadataMap};
@@ -22,7 +22,7 @@ pub struct Found {
     pub path: PathBuf,
     /// Hash of its content.
     pub hash: String,
-    /// What it is of, or why it cannot be used.
+    /// Identity, or why it cannot be used.
     pub is: Result<Identity, String>,
 }
 
@@ -51,7 +51,7 @@ impl std::ops::Deref for RigToml {
     }
 }
 
-/// What a log says of itself.
+/// Identity of a log: its rig, calibration, water, time, plan and note.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
     /// The rig's name.

@@ -29,15 +29,15 @@ const OUTLIER: f64 = 3.0;
 /// Poses of a log's images into a new log.
 pub type Replay<'a> = dyn Fn(&Path, &Path) -> Result<(), String> + Sync + 'a;
 
-/// What all units of a campaign share.
+/// Data that all units of a campaign share.
 pub struct Campaign<'a> {
-    /// Logs.
+    /// Files named like logs, usable or not.
     pub logs: &'a [Found],
     /// Groups of them.
     pub groups: &'a [Group],
     /// Units of work.
     pub units: &'a [Unit],
-    /// Sheets.
+    /// Store of the units' sheets.
     pub store: &'a Store,
     /// From images to poses.
     pub replay: &'a Replay<'a>,

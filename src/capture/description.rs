@@ -1,4 +1,4 @@
-//! What a source is: goes into the log's session metadata as JSON.
+//! Description of a source: goes into the log's session metadata as JSON.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Which cameras there are, what each can do, and what stands in the way: for `hydroline devices` and `check`.
+//! Cameras that are present, what each can do, and what prevents its use: for `hydroline devices` and `check`.
 
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub struct CameraListing {
     pub by_path: Vec<String>,
     /// Card name.
     pub card: String,
-    /// Driver.
+    /// Driver name.
     pub driver: String,
     /// Bus info.
     pub bus_info: String,
@@ -29,9 +29,9 @@ pub struct CameraListing {
     pub offers: Vec<OfferedSize>,
     /// Field order of the current format.
     pub field: String,
-    /// Controls.
+    /// Controls of the camera.
     pub controls: Vec<ControlListing>,
-    /// What stands in the way of using it, with the cure; empty = nothing.
+    /// Obstacle to its use, with the cure; empty = none.
     pub problem: String,
     /// Why the node can never be the camera of a rig; empty = it can.
     #[serde(default)]
@@ -49,15 +49,15 @@ pub struct ControlListing {
     pub min: i64,
     /// Largest value.
     pub max: i64,
-    /// Step.
+    /// Step between values.
     pub step: u64,
-    /// Default.
+    /// Default value.
     pub default: i64,
     /// Value now; `None` = cannot be read.
     pub value: Option<i64>,
 }
 
-/// What a node that gives no pictures is instead, by its V4L2_CAP_*; the first that fits says it.
+/// Purpose of a node that gives no pictures, by its V4L2_CAP_*; the first that fits is taken.
 const OTHERS: [(u32, &str); 7] = [
     (
         CAP_META_CAPTURE,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// What a source cannot mend by itself.
+/// Error that a source cannot mend by itself.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CaptureError {
@@ -90,7 +90,7 @@ pub enum CaptureError {
         min: i64,
         max: i64,
         step: u64,
-        /// What to do, or empty.
+        /// Advice, or empty.
         hint: &'static str,
     },
     /// STREAMON: ENOSPC.

@@ -279,7 +279,7 @@ impl FolderFrames {
             source,
         };
         let bytes = read_image(path).map_err(failed)?;
-        // What is no image becomes a frame that does not decode, and is counted as one.
+        // A file that is no image becomes a frame that does not decode, and is counted as one.
         let format = still_format(&bytes).unwrap_or(PixelFormat::Png);
         let (width_px, height_px) = still_size(&bytes).unwrap_or((0, 0));
         Ok(Frame {

@@ -47,7 +47,7 @@ pub use v4l::{OpenOptions, V4lSource};
 
 /// A camera, or something that stands for one.
 pub trait FrameSource: Send {
-    /// What this source is and how it is set up now, for the log's session metadata.
+    /// Describes this source as it is set up now, for the log's session metadata.
     fn describe(&self) -> SourceDescription;
 
     /// The next thing that happened, after at most about `wait`.

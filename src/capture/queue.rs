@@ -10,21 +10,21 @@
 
 use std::time::Duration;
 
-/// What the adapter has to do next.
+/// Next action of the adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// VIDIOC_QBUF of this buffer.
     Enqueue(u32),
-    /// VIDIOC_STREAMON.
+    /// VIDIOC_STREAMON: the stream starts.
     StreamOn,
-    /// VIDIOC_STREAMOFF.
+    /// VIDIOC_STREAMOFF: the stream stops, and all buffers come back.
     StreamOff,
     /// poll(2) for a frame, at the latest until this CLOCK_MONOTONIC time \[ns\].
     Poll {
         /// Deadline \[ns\].
         until_ns: u64,
     },
-    /// VIDIOC_DQBUF.
+    /// VIDIOC_DQBUF of a filled buffer.
     Dequeue,
     /// Copy the frame out of this buffer; it is ours until [`Outcome::Done`].
     Deliver(u32),
@@ -37,7 +37,7 @@ pub enum Action {
     Reopen,
 }
 
-/// How it went.
+/// Outcome of an action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Enqueue, StreamOn, StreamOff, Deliver, Rest: done.
@@ -57,16 +57,16 @@ pub enum Outcome {
     Failed(i32),
 }
 
-/// Which call failed.
+/// Call that failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Call {
-    /// VIDIOC_QBUF
+    /// VIDIOC_QBUF of a buffer.
     Enqueue,
-    /// VIDIOC_DQBUF
+    /// VIDIOC_DQBUF of a filled buffer.
     Dequeue,
-    /// VIDIOC_STREAMON
+    /// VIDIOC_STREAMON at the start of the stream.
     StreamOn,
-    /// VIDIOC_STREAMOFF
+    /// VIDIOC_STREAMOFF at its end.
     StreamOff,
     /// poll(2)
     Poll,
@@ -84,7 +84,7 @@ impl std::fmt::Display for Call {
     }
 }
 
-/// What a person should know.
+/// Notice for the user about the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notice {
     /// STREAMON succeeded.
@@ -231,7 +231,7 @@ impl BufferQueue {
         }
     }
 
-    /// What to do now. Asking again without an outcome gives the same answer (a deadline may have passed).
+    /// The action to take now. Asking again without an outcome gives the same answer (a deadline may have passed).
     pub fn action(&self, now_ns: u64) -> Action {
         match self.phase {
             Phase::Gone => Action::Reopen,

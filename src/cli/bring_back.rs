@@ -26,7 +26,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Between two poses: often enough for a hand, and the processor keeps up.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// How near the start is near enough.
+/// Tolerance within which the vehicle is back at the start.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct NearArgs {
     /// With --return-to-start: so near the start counts as there, up to 1 [m]
@@ -180,7 +180,7 @@ impl Eyes {
     fn look(&mut self) -> Result<(), CliError> {
         let mut newest = None;
         let mut wait = LOOK;
-        // What has piled up while the last one was fitted is passed over.
+        // Frames that piled up while the last one was fitted are passed over.
         loop {
             match self.source.next(wait)? {
                 Captured::Frame(frame) => newest = Some(frame),

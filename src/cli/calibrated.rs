@@ -11,7 +11,7 @@ use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_rigs::{Board, Rig};
 use std::path::{Path, PathBuf};
 
-/// Which calibration to use.
+/// Choice of the calibration.
 #[derive(Debug, clap::Args)]
 pub struct UseArgs {
     /// Calibration for the plane coordinates, as `calibrate` or `record --calibrate` wrote it

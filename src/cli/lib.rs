@@ -91,7 +91,7 @@ pub fn extract_file(
     Ok(extractor.extract(&found))
 }
 
-/// What `extract --json` prints of one image.
+/// Output of `extract --json` for one image.
 ///
 /// # Errors
 /// [`CliError::Run`] where it cannot be written as JSON.
@@ -173,7 +173,7 @@ Examples:
     Calibrate(Box<calibrate::Args>),
     /// The daemon: camera and thrusters into one log
     Record(Box<record::Args>),
-    /// What is in a log
+    /// Contents of a log
     Info(log_tools::InfoArgs),
     /// Is a log sound? Every finding with its next step
     Doctor(log_tools::DoctorArgs),
@@ -191,7 +191,7 @@ Examples:
     Join(join::Args),
     /// Hydrodynamic coefficients with their uncertainty
     Identify(identify::Args),
-    /// Which physics the model left out, and proof
+    /// Physics that the model left out, and proof
     Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
     Predict(predict::Args),

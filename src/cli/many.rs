@@ -1,4 +1,4 @@
-//! What commands share that take one log or many: folders opened up, a bad log reported and skipped, what is done left.
+//! Parts common to commands that take one log or many: folders opened up, a bad log reported and skipped, finished ones left.
 
 use super::print::{self, errln};
 use super::{CliError, Outcome};
@@ -19,23 +19,23 @@ pub const RECORDINGS: &[&str] = &["mcap", "db3", "bin", "tlog", "ulg"];
 pub struct Many {
     /// In the order given, those of a folder by their names.
     pub logs: Vec<PathBuf>,
-    /// What each is called where results of several lie together: its path in the folder that was named, or its name.
+    /// Name of each where results of several lie together: its path in the folder that was named, or its file name.
     names: Vec<PathBuf>,
     /// One log that was named itself: a command says of it what it always said, and ends as it ends.
     pub single: bool,
 }
 
-/// What is printed of one log of several with --json, a line each.
+/// Line of one log of several with --json.
 #[derive(Serialize, schemars::JsonSchema)]
 struct Line<'a, T> {
     /// The log.
     log: &'a Path,
-    /// What is printed of one log.
+    /// Output of one log.
     #[serde(flatten)]
     result: T,
 }
 
-/// What is printed of a log that could not be used.
+/// Output for a log that could not be used.
 #[derive(Serialize, schemars::JsonSchema)]
 struct Refused {
     /// Why there is nothing else.

@@ -37,7 +37,7 @@ pub const EXIT_CODES: [(u8, &str, &str); 4] = [
 /// A command that came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Done.
+    /// The whole result is there.
     Done,
     /// Done, but something was lost; the words were already printed.
     Lossy,
@@ -54,7 +54,7 @@ impl Outcome {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CliError {
-    /// What was given cannot be used: arguments, a config file, an input file.
+    /// Input that cannot be used: arguments, a config file, an input file.
     #[error("{0}")]
     Config(String),
     #[error("{0}")]
@@ -62,12 +62,12 @@ pub enum CliError {
 }
 
 impl CliError {
-    /// What was given is to blame, by anything that can be shown.
+    /// Error of the input, from anything that can be shown.
     pub(crate) fn config(error: impl std::fmt::Display) -> Self {
         Self::Config(error.to_string())
     }
 
-    /// The run failed, by anything that can be shown.
+    /// Error of the run, from anything that can be shown.
     pub(crate) fn run(error: impl std::fmt::Display) -> Self {
         Self::Run(error.to_string())
     }

@@ -189,7 +189,7 @@ fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// What only the key of a case knows.
+/// Truth about a case, which only its key holds.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Key<'a> {
     /// The effects that are there.
@@ -202,7 +202,7 @@ struct Key<'a> {
     disturbance: &'a Disturbance,
     /// The fault of the data, where there is one.
     fault: Option<&'a Fault>,
-    /// What the instruments do wrong.
+    /// Flaws of the instruments.
     flaws: &'a [Flaw],
 }
 
@@ -365,7 +365,7 @@ fn printed(args: &Args, object: &(impl Serialize + JsonSchema)) -> Result<(), Cl
     }
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Proved<'a> {
     /// Seed of all cases.
@@ -376,7 +376,7 @@ pub(super) struct Proved<'a> {
     cases: &'a [Judged],
 }
 
-/// What `--images N --json` prints.
+/// Output of `--images N --json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ProvedImages<'a> {
     /// Seed of all cases.
@@ -385,7 +385,7 @@ pub(super) struct ProvedImages<'a> {
     images: &'a [ImageJudged],
 }
 
-/// What `--coupled N --json` prints.
+/// Output of `--coupled N --json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ProvedCoupled<'a> {
     /// Seed of all cases.
@@ -394,7 +394,7 @@ pub(super) struct ProvedCoupled<'a> {
     coupled: &'a [CoupledJudged],
 }
 
-/// What `--only ID` prints.
+/// Output of `--only ID`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct One<'a> {
     /// Id of the case.
@@ -403,26 +403,26 @@ pub(super) struct One<'a> {
     seed: u64,
     /// The whole verdict, as `diagnose --json` prints it.
     verdict: Option<&'a Verdict>,
-    /// What only the key of the case knows.
+    /// Truth about the case, which only its key holds.
     key: Key<'a>,
     /// The case with its score, as `prove --json` prints each of its `cases`.
     judged: &'a Judged,
 }
 
-/// What `--only image-N` prints.
+/// Output of `--only image-N`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct OneImage<'a> {
     /// Id of the case.
     id: &'a str,
     /// Seed of the case.
     seed: u64,
-    /// What the images say, as `diagnose --json` prints it; `null` = nothing was found in them.
+    /// Verdict on the images, as `diagnose --json` prints it; `null` = nothing was found in them.
     verdict: Option<Verdict>,
     /// The case with its score, as `prove --images N --json` prints each of its `images`.
     judged: &'a ImageJudged,
 }
 
-/// What `--only coupled-N` prints.
+/// Output of `--only coupled-N`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct OneCoupled<'a> {
     /// Id of the case.

@@ -344,7 +344,7 @@ fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
     Ok(())
 }
 
-/// How the runs follow each other, for the simulation before them.
+/// Sequence of the runs, for the simulation before them.
 fn repeats(plan: &Plan, args: &Args) -> Repeats {
     let length_s = args
         .length
@@ -654,7 +654,7 @@ struct RecordedCalibration {
     accepted: bool,
     /// Its claim, in words; `None` = none was accepted.
     claim: Option<String>,
-    /// How well its map fits the nodes of the board; `None` = none was accepted.
+    /// Residuals of the board's nodes under its map; `None` = none was accepted.
     residuals: Option<Residuals>,
     /// Things that are missing for one, in words; empty where it was accepted.
     missing: String,

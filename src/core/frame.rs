@@ -18,7 +18,7 @@ pub use still::{StillError, hidden_in_still, read_still, still_format, still_siz
 pub enum StampClock {
     /// The driver does not say.
     Unknown,
-    /// CLOCK_MONOTONIC.
+    /// The kernel's CLOCK_MONOTONIC.
     Monotonic,
     /// Copied from an output buffer.
     Copy,
@@ -40,7 +40,7 @@ pub enum StampSource {
 /// Why a frame is kept but excluded from analysis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameFault {
-    /// V4L2_BUF_FLAG_ERROR.
+    /// Marked as damaged by the driver (V4L2_BUF_FLAG_ERROR).
     DriverError,
     /// Fewer bytes than the format needs.
     Truncated,
@@ -59,7 +59,7 @@ pub struct LossBefore {
     pub time_gap: u32,
 }
 
-/// What is known about a frame apart from its pixels.
+/// Metadata of a frame: number, stamps, exposure and faults.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameMeta {
     /// The driver's sequence number.

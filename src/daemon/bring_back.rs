@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::time::Duration;
 
-/// How near the start is near enough.
+/// Tolerance within which the start is near enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StartTolerance {
     /// Across the floor \[m\].
@@ -80,7 +80,7 @@ impl Left {
         // Fossen 2011, Eq. 2.30: from the tank's axes to the vehicle's.
         let forward = along * cos + across * sin;
         let right = -along * sin + across * cos;
-        // What is mostly along the axis that is not seen is not known.
+        // A direction that lies mostly along the axis that is not seen is not known.
         let lengthwise = cos.abs() > sin.abs();
         let (fore_seen, side_seen) = if lengthwise {
             (dx.is_some(), dy.is_some())

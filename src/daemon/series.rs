@@ -50,7 +50,7 @@ pub struct Rules {
 /// A run that ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
-    /// Why it ended.
+    /// Reason why it ended.
     pub stop: StopReason,
     /// Whether anything of it was lost.
     pub lost: bool,
@@ -58,7 +58,7 @@ pub struct Made {
     pub few_poses: Option<String>,
     /// Whether its log lies elsewhere than it was to be written.
     pub misplaced: bool,
-    /// Why the calibration that it was to make is not there.
+    /// Reason why the calibration that it was to make is not there.
     pub not_calibrated: Option<String>,
 }
 

@@ -45,7 +45,7 @@ pub enum DesignError {
 pub struct Designed {
     /// The plan.
     pub plan: Plan,
-    /// What it is expected to say beside those before it \[nats\].
+    /// Information expected of it beside that of the plans before it \[nats\].
     pub gain_nats: f64,
     /// Largest load per DOF \[N, N m\].
     pub largest: [f64; 6],
@@ -62,7 +62,7 @@ pub struct Designed {
 pub struct Set {
     /// Names of the vehicle's numbers.
     pub own: Vec<&'static str>,
-    /// How far each DOF reaches by itself \[N, N m\].
+    /// Largest load of each DOF by itself \[N, N m\].
     pub reach: Reach,
     /// Plans in the order in which they say most.
     pub plans: Vec<Designed>,

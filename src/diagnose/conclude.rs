@@ -1,4 +1,4 @@
-//! What a diagnosis gives, and why there is none.
+//! Outcome of a diagnosis, and the reasons why there is none.
 
 use std::ops::ControlFlow;
 

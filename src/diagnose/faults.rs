@@ -27,7 +27,7 @@ const DRIFT_SOME_PPM: f64 = 20.0;
 /// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
 const WAITS_ON_S: f64 = 0.5;
 
-/// What a log holds besides its run.
+/// Records that a log holds besides its run.
 #[derive(Debug, Clone, Default)]
 pub struct Records {
     /// Motion in file order: (stamp \[ns\], channels, NaN = not measured).
@@ -123,7 +123,7 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         .collect()
 }
 
-/// Whether a channel stands only before the first load that moves it: the vehicle waits, and the instrument is coarse.
+/// Whether a channel is constant only before the first load that moves it: the vehicle waits, and the instrument is coarse.
 fn waits(run: &Run, dof: usize, times_s: &[f64], values: &[f64]) -> bool {
     let mut stands = values.chunk_by(|a, b| a == b).map(<[f64]>::len);
     let standing = stands.next().unwrap_or(0);
@@ -257,7 +257,7 @@ fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
     found.into_iter().flatten().collect()
 }
 
-/// What the log's own clock records say of a drift.
+/// Data faults by a drift of clocks, as the log's own clock records show it.
 fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let mut found = Vec::new();
     let span_s = run.end_s();

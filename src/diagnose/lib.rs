@@ -1,4 +1,4 @@
-//! What was left out: where simulation and recording differ, which physics explains it, and proof.
+//! Missing physics: where simulation and recording differ, which physics explains it, and proof.
 //!
 //! `source` (a log, and with `faults` what is wrong with its data) -> `body` (the models of `hydroline_inference`, weighed: what matters, how
 //! sure, where, what else it may be, which run would tell) -> `verdict` -> `report`. `profiles` asks the same of frames, and

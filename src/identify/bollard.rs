@@ -35,9 +35,9 @@ pub struct Pull {
 pub struct Bollard {
     /// Names of the numbers below.
     pub order: Vec<String>,
-    /// Estimates.
+    /// Estimated numbers, in that order.
     pub values: Vec<f64>,
-    /// Covariance.
+    /// Covariance of `values`.
     pub covariance: Vec<Vec<f64>>,
     /// (pulse \[us\], thrust \[N\], sd \[N\]) at the middle voltage: the rig's `curve`.
     pub curve: Vec<(f64, f64, f64)>,
@@ -49,18 +49,18 @@ pub struct Bollard {
     pub rms_n: f64,
     /// Readings left out as outliers.
     pub outliers: usize,
-    /// What makes the curve uncertain, one sentence each.
+    /// Reasons why the curve is uncertain, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Why there is no curve.
+/// Failure to fit a curve.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum BollardError {
     #[error("{file}: {reason}; the table needs columns pulse_us,thrust_n and may have voltage_v")]
     Table {
         file: String,
-        /// Why, with the line.
+        /// Reason, with the line.
         reason: String,
     },
     #[error(
@@ -358,7 +358,7 @@ const EXTRAPOLATED: f64 = 0.02;
 /// A curve this many times the rig's is another unit.
 const OTHER_UNIT: f64 = 3.0;
 
-/// What makes a fitted curve uncertain by itself: bounds, range, residuals.
+/// Reasons why a fitted curve is uncertain by itself: bounds, range, residuals.
 fn notes_on(
     model: &Model,
     at: &[f64],
@@ -409,7 +409,7 @@ fn notes_on(
 }
 
 impl Bollard {
-    /// What the curve says against the one the rig holds: grams read as newtons, another thruster.
+    /// Warning where the curve is far from the one the rig holds: grams read as newtons, another thruster.
     pub fn against(&self, rig: &Rig) -> Option<String> {
         let thruster = rig.thrusters.thrusters.first()?;
         let pairs = self

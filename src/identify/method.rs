@@ -18,7 +18,7 @@ pub struct Solution {
     pub tries: usize,
 }
 
-/// Why a search has no solution.
+/// Failure of a search.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum MethodError {
@@ -35,7 +35,7 @@ pub trait Method: Sync {
     /// Name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Minimises.
+    /// Minimises the objective of a problem; random numbers come from `seed`.
     ///
     /// # Errors
     /// [`MethodError`].

@@ -24,9 +24,9 @@ use hydroline_plan::setpoint::{SetpointError, setpoint};
 /// Coefficients with their covariance (rows and columns in the same order).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identified {
-    /// Which, and their values.
+    /// Coefficients and their values \[SI\].
     pub values: Vec<(Coefficient, f64)>,
-    /// SI.
+    /// Covariance of the values \[SI\].
     pub covariance: DMatrix<f64>,
 }
 
@@ -59,7 +59,7 @@ impl Prediction {
     }
 }
 
-/// Why there is no prediction.
+/// Failure to predict.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum PredictError {
@@ -137,7 +137,7 @@ impl Identified {
         })
     }
 
-    /// What the rig's own `[identified]` says; `Ok(None)` = it has none.
+    /// Coefficients and covariance in the rig's own `[identified]`; `Ok(None)` = it has none.
     ///
     /// # Errors
     /// [`PredictError::OfRig`] where it belongs to other coefficients than `[vehicle]` has, or names none.
@@ -171,7 +171,7 @@ impl Identified {
         }))
     }
 
-    /// What no hull has: damping that drives, added mass that takes mass away. One sentence each.
+    /// Values that no hull has: damping that drives, added mass that takes mass away. One sentence each.
     pub fn implausible(&self) -> Vec<String> {
         let positive = self.values.iter().filter(|(_, value)| *value > 0.0);
         positive

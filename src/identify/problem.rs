@@ -12,7 +12,7 @@ use super::forward::{Forward, ForwardError};
 use super::parameter::Free;
 use hydroline_core::run::rest_noise::{Stretch, series};
 
-/// What is minimised.
+/// Function of the residuals that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
@@ -117,7 +117,7 @@ impl<'a> Problem<'a> {
         &self.free
     }
 
-    /// How often the objective was asked for until now: shows that a slow search goes on.
+    /// Number of times that the objective was asked for until now: shows that a slow search goes on.
     pub fn evaluations(&self) -> u64 {
         self.evaluations.load(Ordering::Relaxed)
     }
@@ -423,7 +423,7 @@ impl<'a> Problem<'a> {
                 if (0..once.len()).all(|run| twice(run).is_none()) {
                     return masks.clone();
                 }
-                // What was left out of the noise counts in the fit.
+                // Samples that the noise estimate left out count in the fit.
                 let all = residuals.iter().map(|r| r[slot].as_slice()).enumerate();
                 mask(&all.map(view).collect::<Vec<_>>(), *noise)
             });

@@ -37,7 +37,7 @@ impl fmt::Display for Column {
     }
 }
 
-/// Where the values of a channel or command come from.
+/// Source of the values of a channel or command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
     Column(Column),
@@ -55,7 +55,7 @@ impl Origin {
     }
 }
 
-/// What an empty or NaN cell means.
+/// Meaning of an empty or NaN cell. Default: a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Missing {
     /// Something was lost.
@@ -91,7 +91,7 @@ pub struct ChannelMap {
     pub offset: f64,
     /// Standard deviation of the instrument, SI; `None` = not known.
     pub sd: Option<f64>,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
     /// A number that means an empty cell.
     pub missing_value: Option<f64>,
@@ -114,7 +114,7 @@ pub struct CommandMap {
     pub pulse: bool,
     /// Between samples.
     pub between: Between,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
     /// A number that means an empty cell.
     pub missing_value: Option<f64>,
@@ -139,7 +139,7 @@ pub struct QuaternionMap {
     pub wxyz: [Column; 4],
     /// The file's axes.
     pub axes: Axes,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
     /// A number that means an empty cell.
     pub missing_value: Option<f64>,
@@ -163,9 +163,9 @@ pub enum TimeSource {
 /// The time of a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeMap {
-    /// Where it comes from.
+    /// Columns, and the form in which they hold the time.
     pub source: TimeSource,
-    /// What it is called in messages.
+    /// `time.unit` of the map, for messages.
     pub unit: String,
     /// Rows per second: what makes the time, or puts rounded stamps back.
     pub rate_hz: Option<f64>,
@@ -204,7 +204,7 @@ impl fmt::Display for Separator {
     }
 }
 
-/// How characters are written.
+/// Encoding of a file's characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
     Utf8,
@@ -216,7 +216,7 @@ pub enum Encoding {
     Latin1,
 }
 
-/// How the file is written.
+/// Form of a file: separators, encoding, and the lines of names, units and data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileMap {
     /// Between cells; `None` = a comma, or what a first line `sep=` says.
@@ -262,7 +262,7 @@ impl FileMap {
 /// A checked map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
-    /// How the file is written.
+    /// Form of the file.
     pub file: FileMap,
     /// Place of a row's time.
     pub time: TimeMap,
@@ -314,7 +314,7 @@ impl Map {
         !self.channels.is_empty() || self.quaternion.is_some()
     }
 
-    /// What an empty cell of a place means; `None` = not mapped.
+    /// Meaning of an empty cell of a place; `None` = not mapped.
     pub(crate) fn missing(&self, place: usize) -> Option<Missing> {
         self.channels
             .iter()

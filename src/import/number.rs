@@ -160,7 +160,7 @@ impl BadCells {
         }
     }
 
-    /// What a cell with separators of thousands calls for.
+    /// Hint for a cell whose thousands are set apart; empty = there is none.
     fn thousands(cell: &str, file: &FileMap) -> String {
         match (grouped_by(cell, file.decimal), file.thousands) {
             (Some(mark), _) => {

@@ -10,7 +10,7 @@ pub(crate) use decode::Decoder;
 /// No line of a table is longer: it is another file.
 const LINE_BYTES_MAX: u64 = 4 << 20;
 
-/// What a file begins with says how it is encoded and how its lines end.
+/// Encoding and line end of a file, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Format {
     pub encoding: Encoding,

@@ -32,7 +32,7 @@ const CHUNK_BYTES: u64 = 4 << 20;
 pub(crate) const RELATIVE_ORIGIN: &str = "import.relative_origin_ns";
 pub(crate) const RELATIVE_START: &str = "import.relative_start_unix_ns";
 
-/// Why nothing was imported.
+/// Reason why nothing was imported.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ImportError {
@@ -47,7 +47,7 @@ pub enum ImportError {
     Log(#[from] LogError),
 }
 
-/// What was left out, by kind.
+/// Numbers of rows and cells that were left out, by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Lost {
     /// Rows with too few or too many cells, without a time, or whose time does not advance.
@@ -65,20 +65,20 @@ impl Lost {
     }
 }
 
-/// What was written.
+/// Outcome of an import: numbers of records, losses and findings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct ImportOutcome {
     /// Motion samples.
     pub samples: usize,
-    /// Commands.
+    /// Number of commands.
     pub commands: usize,
-    /// What was left out.
+    /// Rows and cells that were left out.
     pub lost: Lost,
-    /// What was found.
+    /// Findings about the table.
     pub findings: Vec<Finding>,
 }
 
-/// How to import.
+/// Options of an import. The default refuses tables with faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
     /// Writes what is sound although there are faults. Default: no; a fault is for the person to look at first.

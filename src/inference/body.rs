@@ -37,7 +37,7 @@ impl Own {
     }
 }
 
-/// What is fitted.
+/// Runs, vehicle and candidate terms that models are fitted with.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// The runs as they were measured.
@@ -75,7 +75,7 @@ pub struct Body {
 /// Numbers of a model, scaled: the vehicle's own, each term's, each run's start.
 pub type Point = Vec<f64>;
 
-/// What simulations of one run give: residual's counterpart (channels per sample, rotated) and, column by column, its
+/// Simulation of one run: the measurements' counterpart (channels per sample, rotated) and, column by column, its
 /// derivatives by the scaled numbers.
 #[derive(Debug, Clone)]
 pub struct Simulated {

@@ -34,7 +34,7 @@ pub struct Problem {
     pub worth: Worth,
 }
 
-/// How a fit is stopped.
+/// Limits at which a fit stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
     /// Steps for given sizes of the random forces.
@@ -49,7 +49,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// What most fits need.
+    /// Limits that suffice for most fits.
     pub const DEFAULT: Effort = Effort {
         steps: 15,
         rounds: 4,

@@ -1,4 +1,4 @@
-//! What is common to all models of a recording (noise of the instruments) and what each has of its own (random forces).
+//! Noise of the instruments, common to all models of a recording, and the random forces that each model has of its own.
 
 use std::collections::BTreeMap;
 
@@ -79,7 +79,7 @@ pub type Misfit = [Cell; 6];
 /// Size and length of each table, by its candidate.
 pub type Tables = BTreeMap<usize, TableCell>;
 
-/// What is chosen beside a model's numbers, and summed over.
+/// Cells that are chosen beside a model's numbers, and summed over.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cells {
     /// Random forces.
@@ -155,7 +155,7 @@ impl Worth {
     }
 }
 
-/// What the vehicle's own numbers and the starts can do in one channel.
+/// Derivatives of one channel by the vehicle's own numbers and the starts, with the factor of their products.
 struct Own {
     derivatives: DMatrix<f64>,
     root: Option<Cholesky<f64, Dyn>>,

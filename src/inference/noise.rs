@@ -33,7 +33,7 @@ const FINEST: f64 = 0.06;
 /// One DOF's residuals: (position, rate) per sample, NaN = missing.
 pub type Pairs = Vec<Vec<[f64; 2]>>;
 
-/// Which samples of a run count, per channel of a DOF.
+/// Samples of a run that count, per channel of a DOF.
 type Flags = Vec<Vec<[bool; 2]>>;
 
 /// Residuals of a DOF from predicted channels.

@@ -1,4 +1,4 @@
-//! What a candidate would gain beside a fitted model: the score test, by the response of the motion to it.
+//! Gain of a candidate beside a fitted model: the score test, by the response of the motion to it.
 //!
 //! The response is finite (the candidate at a typical size), so that thresholds and delays, whose derivative at nothing
 //! is nothing, are asked as well. It is projected off everything that the model can already do.
@@ -65,7 +65,7 @@ struct View {
     without: Vec<Option<(Left, Products)>>,
 }
 
-/// What a model, or one without a member, can do by itself.
+/// Numbers of a model, or of one without a member, that responses are projected off.
 struct Left {
     keep: Vec<usize>,
     root: Cholesky<f64, Dyn>,
@@ -83,7 +83,7 @@ impl Left {
         })
     }
 
-    /// What of a response with these products is outside, by itself; and what turns products of others likewise.
+    /// Products of a response with these numbers, and the change of the numbers that takes it up.
     fn solve(&self, with_columns: &DVector<f64>) -> (DVector<f64>, DVector<f64>) {
         let part = self.part(with_columns);
         let solved = self.root.solve(&part);
@@ -122,7 +122,7 @@ fn minus(mut made: Motion, here: &[Vec<PerChannel<f64>>]) -> Option<Motion> {
 }
 
 impl Problem {
-    /// What a model can do by itself; `known` = as far as the prior lets it.
+    /// View of a model at its point; `known` = with the prior of its numbers.
     fn view(
         &self,
         fit: &Fit,
@@ -187,7 +187,7 @@ impl Problem {
                 let keep = (0..n)
                     .filter(|i| !(places[m]..places[m + 1]).contains(i))
                     .collect();
-                // What varies with a member goes with it: no exchange is predicted for those.
+                // A member's trends go with it: no exchange is predicted for those.
                 if self.dependants(&fit.terms, m).next().is_some() {
                     return None;
                 }
@@ -224,10 +224,10 @@ impl Problem {
         (!made.white.is_empty()).then_some(made)
     }
 
-    /// What may be added to a model or put in a member's place, best first of each candidate's points.
+    /// Gains of what may be added to a model or put in a member's place, each at its best point; the largest first.
     pub fn predicted_gains(&self, fit: &Fit) -> Vec<PredictedGain> {
         let here = self.predicted(&fit.terms, &fit.point);
-        // What each member does now.
+        // Motion without each member, minus the motion with all of them.
         let members: Vec<Option<Motion>> = (0..fit.terms.len())
             .map(|m| {
                 let (terms, point) = self.without(fit, m);
@@ -344,7 +344,7 @@ impl Problem {
         each.filter_map(|(c, unseen)| unseen.then_some(c)).collect()
     }
 
-    /// How far a response may be stretched: within what its numbers may be, and where the law is linear no less.
+    /// Bounds how far a response is stretched: within what its numbers may be, and where the law is linear no less.
     fn share(&self, candidate: usize, start: &[f64], share: f64) -> f64 {
         let c = &self.body.candidates[candidate];
         let Some(scale) = c.scales.first() else {

@@ -1,4 +1,4 @@
-//! What a model predicts of runs that it has not seen, and how well its numbers are known for that.
+//! Predictions of runs that a model has not seen, and how well its numbers are known for that.
 
 use hydroline_core::run::{Channel, PerChannel};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -55,7 +55,7 @@ impl Problem {
         Some(at)
     }
 
-    /// What a model predicts of runs that it has not seen.
+    /// Predicts runs that a model has not seen: their starts are fitted, all other numbers are the fit's.
     pub fn predict(&self, fit: &Fit) -> Option<Prediction> {
         let point = self.with_starts(&fit.terms, &fit.point)?;
         Some(Prediction {

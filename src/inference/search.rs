@@ -38,7 +38,7 @@ pub struct Options {
     pub tables: usize,
     /// Known laws fitted, as nearly right, in the place of a force of no known effect.
     pub laws: usize,
-    /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
+    /// Budget of all fits, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
     /// effects.
     pub cost: usize,
     /// Models scored anew when the noise changes.
@@ -90,7 +90,7 @@ impl Default for Options {
     }
 }
 
-/// What a search found.
+/// Outcome of a search.
 #[derive(Debug)]
 pub struct Found {
     /// The problem, with the noise at the end.

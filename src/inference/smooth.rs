@@ -91,7 +91,7 @@ struct Series<'a> {
     interval_s: f64,
 }
 
-/// What a filter went through at one stamp.
+/// Record of a filter at one stamp, for the way back.
 struct Passed {
     dt_s: f64,
     predicted: State,
@@ -289,7 +289,7 @@ impl Smoothed {
             return [last[0], 0.0, 0.0];
         };
         let (s, h) = (t_s - self.times_s[k], self.times_s[k + 1] - self.times_s[k]);
-        // What the end misses of the state carried on from the beginning, by powers of the way.
+        // Misses of the state carried on from the beginning at the end, by powers of the way.
         let carried = ahead(*a, h);
         let (d0, d1, d2) = (
             b[0] - carried[0],

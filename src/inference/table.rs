@@ -104,7 +104,7 @@ pub struct Block {
     pub candidate: usize,
     /// Place of its first point among the numbers.
     pub first: usize,
-    /// What its sizes are counted in.
+    /// Unit of its sizes: \[N, N m\] of a force, 1 of a trend.
     pub unit: f64,
     /// Median of the size, in units.
     pub median: f64,

@@ -1,4 +1,4 @@
-//! What a table would gain beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
+//! Gain of a table beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
 //! library's.
 //!
 //! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random

@@ -33,17 +33,17 @@ use hydroline_sim::SceneError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
-    /// x.
+    /// Motion along x.
     Surge,
-    /// y.
+    /// Motion along y.
     Sway,
-    /// z.
+    /// Motion along z.
     Heave,
-    /// φ.
+    /// Turn by φ.
     Roll,
-    /// θ.
+    /// Turn by θ.
     Pitch,
-    /// ψ.
+    /// Turn by ψ.
     Yaw,
 }
 

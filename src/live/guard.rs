@@ -47,7 +47,7 @@ pub struct Asked<'a> {
     pub method: &'a str,
     /// Path without the query.
     pub path: &'a str,
-    /// What follows the question mark.
+    /// Query: the part after the question mark.
     pub query: &'a str,
     /// Header `Host`.
     pub host: Header<'a>,
@@ -72,7 +72,7 @@ const VIEWERS: [&str; 2] = ["https://app.foxglove.dev", "file://"];
 /// The header in which the page sends its session's key with STOP.
 pub const SESSION_HEADER: &str = "x-hydroline-session";
 
-/// What is asked for.
+/// Target of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
     /// The page.
@@ -165,7 +165,7 @@ impl Guard {
         &self.session
     }
 
-    /// What the request asks for, if it may.
+    /// Target of a request that may have it.
     ///
     /// # Errors
     /// [`Refusal`]; without the right token nothing else about the request is reported.

@@ -13,7 +13,7 @@ use super::records::ChannelRecord;
 use super::scan::{self, Step};
 use super::topic::Topic;
 
-/// What an image topic carries.
+/// Schema and encoding of an image topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ImageKind {
     /// `foxglove.RawImage`, protobuf.
@@ -73,9 +73,9 @@ pub struct ImageTopic {
     pub schema: String,
     /// Message encoding.
     pub encoding: String,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
-    /// What the first of them says: its pixels' format, width and height \[px\]; or why it is not read.
+    /// Pixel format, width and height \[px\] of the first of them; or the reason why it is not read.
     pub first: Result<(&'static str, u32, u32), String>,
 }
 
@@ -93,7 +93,7 @@ impl fmt::Display for ImageTopic {
     }
 }
 
-/// Why no topic can be chosen.
+/// Error where no topic can be chosen.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ImageTopicError {

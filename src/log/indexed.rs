@@ -271,7 +271,7 @@ impl IndexedLog {
     }
 }
 
-/// What ends a visit.
+/// Reason why a visit ends early.
 enum Stop {
     Damage(Damage),
     Message(Topic, String),

@@ -77,7 +77,7 @@ pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
 pub use writer::LogWriter;
 
-/// What can go wrong with a log.
+/// Error in reading or writing a log.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum LogError {

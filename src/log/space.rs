@@ -1,4 +1,4 @@
-//! How much room a recording takes, in one place for everything that reports or checks it.
+//! Room that a recording takes, in one place for everything that reports or checks it.
 
 use hydroline_rigs::Camera;
 use std::path::Path;

@@ -458,7 +458,7 @@ fn a_loss_that_was_taken_back_leaves_a_log_sound() {
     };
     let (all, half, another) = (reported(1, 1.0), reported(2, 1.0), reported(1, 2.0));
     assert!(all.sound, "{all}");
-    // What is taken back of one frame says nothing of another.
+    // A loss that is taken back of one frame says nothing of another.
     assert!(!another.sound, "{another}");
     assert!(
         !half.sound && half.to_string().contains("camera.gap"),
@@ -711,7 +711,7 @@ fn an_export_goes_into_an_empty_folder_whole_or_not_at_all() {
     );
     // 3 PNG and the table, nothing else.
     assert_eq!(std::fs::read_dir(&into).unwrap().count(), 4);
-    // What is there is neither mixed with nor replaced.
+    // The files that are there are neither mixed with others nor replaced.
     let before = std::fs::metadata(into.join("frames.csv"))
         .unwrap()
         .modified()

@@ -93,7 +93,7 @@ pub(super) struct State {
     pub black: f64,
     /// The line's transverse profile: cₙ of [`across`].
     pub across: [f64; ACROSS],
-    /// How brightness and background change over the image: coefficients of [`lighting`].
+    /// Change of brightness and background over the image: coefficients of [`lighting`].
     pub uneven: Uneven,
 }
 
@@ -506,9 +506,9 @@ struct Light {
     level: f64,
     /// Derivatives but that by the background.
     j: [f64; LOCAL],
-    /// What more of it there would be if all blur were formed on the pixel grid.
+    /// Derivative of the light by the share of blur that is formed on the pixel grid.
     by_grid: f64,
-    /// How much of it depends on edges and corners.
+    /// Dependence of the light on edges and corners.
     sensitivity: Sensitivity,
 }
 

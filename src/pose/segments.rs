@@ -73,7 +73,7 @@ pub struct Step {
     pub sd_m: f64,
 }
 
-/// What was discarded or could not be determined.
+/// Reservation about a sorted stripe: a part discarded, or a quantity not determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Caveat {
@@ -108,11 +108,11 @@ pub struct Levels {
     pub segments: Vec<Segment>,
     /// By column.
     pub steps: Vec<Step>,
-    /// What was discarded or could not be determined.
+    /// Reservations: parts discarded, quantities not determined.
     pub caveats: Vec<Caveat>,
 }
 
-/// Why a stripe cannot be sorted.
+/// Failure to sort a stripe.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SegmentError {
@@ -351,7 +351,7 @@ fn fit_lines(
         eta0_m += (w2 * e0 - w1 * e1) / det;
         slope += (w0 * e1 - w1 * e0) / det;
         rms_m = (square / n as f64).sqrt();
-        // What the points scatter beyond their own sds is in the lines as well.
+        // Scatter of the points beyond their own sds is in the lines as well.
         let excess = (chi / n as f64).max(1.0);
         out = Some(Levels {
             eta0_m,

@@ -54,7 +54,7 @@ pub struct Smoothed {
     pub nu: [f64; 6],
     /// Covariance of η \[m², rad²\].
     pub covariance: Matrix6<f64>,
-    /// Which of η this run determines at all.
+    /// Whether this run determines each of η at all.
     pub measured: [bool; 6],
     /// The frame had a pose of its own.
     pub own: bool,
@@ -77,7 +77,7 @@ pub struct Run {
     pub chi2: f64,
 }
 
-/// Why a run cannot be smoothed.
+/// Failure to smooth a run.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum SmoothError {

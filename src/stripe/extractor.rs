@@ -25,7 +25,7 @@ pub struct Extractor {
     pub(super) path: PathScratch,
     /// Level from which this frame's pixels are clipped \[grey levels\].
     pub(super) ceiling: u8,
-    /// What is not known of the rows' common levels \[grey levels\].
+    /// Standard deviation of the rows' common levels \[grey levels\].
     pub(super) row_level_sd: f64,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,

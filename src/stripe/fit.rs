@@ -45,7 +45,7 @@ pub(super) struct HazeShape {
     pub solved: Vec<f32x4>,
 }
 
-/// What is known of the width beforehand, for columns whose clipped pixels leave it open.
+/// Prior of the width, for columns whose clipped pixels leave it open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WidthPrior {
     /// Expected width \[px\].
@@ -54,7 +54,7 @@ pub(super) struct WidthPrior {
     pub weight: f64,
 }
 
-/// What a fit starts from, beside the pixels.
+/// Inputs of a fit beside the pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known<'a> {
     /// Level from which pixels are clipped \[grey levels\].

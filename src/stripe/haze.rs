@@ -25,7 +25,7 @@ const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:
 /// the level at the stripe is extrapolated, the more the shorter the length.
 const CHI2_FOR_SHORTER: f64 = 4.0;
-/// What the first columns must show for a closer look.
+/// Significance that the first columns must show for a closer look.
 const SIGN_SIGNIFICANCE: f64 = 1.5;
 /// Least significance and least level at which a correction is worth its own noise.
 const MIN_SIGNIFICANCE: f64 = 3.5;
@@ -310,7 +310,7 @@ struct LevelFit {
     chi2: f64,
 }
 
-/// What the fits of all shapes share: sums of weight w times products of 1, the distance x (in
+/// Sums that the fits of all shapes share: weight w times products of 1, the distance x (in
 /// units of the reach) and the light v.
 #[derive(Default)]
 struct Common {

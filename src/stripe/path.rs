@@ -1,4 +1,4 @@
-//! Which candidate of each column is the stripe: dynamic programming over columns.
+//! Choice of each column's candidate for the stripe: dynamic programming over columns.
 //!
 //! Every column pays a reward for its candidate's contrast (against the frame's typical best);
 //! a change of row beyond the slack costs in proportion, up to the price of a depth step.

@@ -29,15 +29,15 @@ use std::collections::VecDeque;
 pub struct ControllerEvent {
     /// When it took effect, host CLOCK_MONOTONIC \[ns\].
     pub host_monotonic_ns: u64,
-    /// Channel.
+    /// Channel of the output.
     pub channel: u8,
     /// Pulse now put out \[us\].
     pub pulse_us: f64,
-    /// Why.
+    /// Cause of the change.
     pub cause: OutputCause,
 }
 
-/// Why an output has its pulse.
+/// Cause of an output's pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputCause {
     /// A command.
@@ -110,7 +110,7 @@ impl SimController {
         }
     }
 
-    /// What is put out now.
+    /// Pulses that are put out now.
     pub fn outputs(&self) -> &[ChannelPulse] {
         &self.outputs
     }

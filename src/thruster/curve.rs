@@ -2,7 +2,7 @@
 
 use hydroline_rigs::ThrustCurve;
 
-/// Why a thrust has no pulse.
+/// Reason why a thrust has no pulse.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CurveError {

@@ -1,4 +1,4 @@
-//! What may go out: pulse range and slew are checked before a byte is made, and who says stop is remembered.
+//! Limits on commands: pulse range and slew are checked before a byte is made, and who says stop is remembered.
 //!
 //! A pulse outside the range is a mistake upstream: the set is REFUSED and the thrusters go to neutral. A step that is
 //! too steep is ordinary (a plan's edge): it is LIMITED by ramping, with one event per ramp. Going to neutral is never
@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-/// Why the thrusters are at neutral.
+/// Reason why the thrusters are at neutral.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NeutralReason {
     /// Not started yet, or the plan is over.
@@ -80,7 +80,7 @@ pub struct PulseLimits {
     pub max_step_s: f64,
 }
 
-/// Why a set was refused.
+/// Reason why a set was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Refused {

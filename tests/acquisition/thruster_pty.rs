@@ -207,7 +207,7 @@ fn every_command_is_echoed_in_order_and_dropping_the_service_is_neutral() {
         for (command, echo) in bench.commands().iter().zip(bench.echoes()) {
             assert!(command.timestamp_ns <= echo.timestamp_ns);
         }
-        // What the vehicle felt is what was logged, in order.
+        // The controller put out the pulses that were logged, in order.
         let felt: Vec<f64> = bench
             .outputs
             .lock()

@@ -30,7 +30,7 @@ fn case(cases: &Path, name: &str) -> (Verdict, serde_json::Value) {
     (found.verdict, own)
 }
 
-/// What matters at all: of what weighs less, two small effects may be explained by one.
+/// Smallest weight that has to be named \[mm\]: of effects below, two small ones may be explained by one.
 const TOLERANCE_MM: f64 = 2.0;
 
 /// Every effect of the key above `least_mm` is named (or stands in a tied set), with its weight within

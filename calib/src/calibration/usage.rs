@@ -82,7 +82,7 @@ impl Calibration {
         })
     }
 
-    /// What must be said when it is used: that it was never accepted, or claims nothing.
+    /// Caveat for its use: that it was never accepted, or claims nothing; `None` = no caveat.
     pub fn caveat(&self) -> Option<String> {
         if !self.missing.is_empty() {
             return Some(format!(
@@ -95,7 +95,7 @@ impl Calibration {
         withdrawn.then(|| self.claim())
     }
 
-    /// What the calibration says of its own accuracy, in words.
+    /// Accuracy that the calibration claims, in words.
     pub fn claim(&self) -> String {
         let gap = self.coplanarity.as_ref();
         let Some(r) = &self.residuals else {

@@ -46,14 +46,14 @@ impl Paper {
     }
 }
 
-/// How a sheet goes on paper.
+/// Paper, margin and overlap of a sheet's pages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tiling {
     /// The paper.
     pub paper: Paper,
-    /// What stays white around \[mm\]; holds the cut marks.
+    /// Margin that stays white all around \[mm\]; holds the cut marks.
     pub margin_mm: f64,
-    /// How far the drawing goes on beyond the cuts to the right and below \[mm\].
+    /// Length by which the drawing goes on beyond the cuts to the right and below \[mm\].
     pub overlap_mm: f64,
 }
 
@@ -108,9 +108,9 @@ pub struct Page {
     pub size_mm: [f64; 2],
     /// Row from the top and column from the left, from 1.
     pub place: [usize; 2],
-    /// What lies between the cuts, on the sheet.
+    /// Part of the sheet between the cuts.
     pub cell: Window,
-    /// What of the sheet is drawn.
+    /// Part of the sheet that is drawn.
     pub drawn: Window,
     /// From the sheet to the page \[mm\].
     pub shift_mm: [f64; 2],
@@ -175,7 +175,7 @@ pub fn pages(sheet: &Sheet, tiling: &Tiling) -> Result<Vec<Page>, TileError> {
         .collect())
 }
 
-/// What is made: the extent of all but notes; the whole sheet where there is nothing else.
+/// Extent of the part to be made, without notes; the whole sheet where there is nothing else.
 fn part(sheet: &Sheet) -> Window {
     let mut all = Window {
         low_mm: [f64::INFINITY; 2],

@@ -18,7 +18,7 @@ const LIT_BLOCKS: usize = 20;
 /// Frames that differ in brightness by this are worth a word.
 const FLICKER_SAID: f64 = 0.005;
 
-/// What is not steady.
+/// Unsteadiness of an exposure's frames.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum Unsteady {
@@ -80,7 +80,7 @@ fn of_one(
             sum / frames as f64
         })
         .collect();
-    // What is as dark as the darkest has no brightness to compare.
+    // Blocks as dark as the darkest have no brightness to compare.
     let lowest = exposure.histogram.iter().position(|n| *n > 0).unwrap_or(0) as f64;
     let lit: Vec<f64> = means
         .iter()
@@ -147,7 +147,7 @@ fn of_one(
     })
 }
 
-/// What a series gains from first to last along a straight line, and its correlation with time.
+/// Gain of a series from first to last along a straight line, and its correlation with time.
 fn line(series: &[f64]) -> (f64, f64) {
     let n = series.len() as f64;
     let mean = series.iter().sum::<f64>() / n;

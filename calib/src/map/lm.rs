@@ -25,7 +25,7 @@ impl From<NotFinite> for LmError {
     }
 }
 
-/// What a fit found.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub struct LmFit {
     /// Parameters at the minimum.
@@ -44,7 +44,7 @@ pub struct LmFit {
 /// caller's priors are there to prevent them.
 const RANK: f64 = 1e-13;
 
-/// How the fits of this crate search.
+/// Options of the searches of this crate.
 ///
 /// Cameras and lenses have curved, weakly observable directions (a shifted centre looks like a decentred lens, a focal length like a
 /// distance): a rejected step was only a little too long, so damping rises slowly (4), and it falls fast (0.05)

@@ -12,7 +12,7 @@ pub(crate) struct Columns {
     /// Type, in words.
     pub(crate) kind: String,
     pub(crate) unit: &'static str,
-    /// What values it may have.
+    /// Allowed values.
     pub(crate) allowed: String,
 }
 
@@ -64,7 +64,7 @@ impl<V> Kind for One<V> {
 }
 
 impl<V> One<V> {
-    /// What to add when the key is missing.
+    /// Advice for a missing key: a line to add, or the expected content.
     fn to_add(&self, key: &str) -> String {
         match self.form {
             "" => self.expected.clone(),

@@ -1,4 +1,4 @@
-//! What can be wrong with a `[[physics]]` entry.
+//! Errors of a `[[physics]]` entry.
 
 use std::fmt::Write;
 

@@ -7,7 +7,7 @@ use super::covariate_table::{COVARIATES, POINTS};
 use super::{EffectError, EffectInfo, Trend};
 use hydroline_rigs::ParameterValue;
 
-/// What a key says of a trend.
+/// Part of a trend that a key gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Key {
     Along,

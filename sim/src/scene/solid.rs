@@ -6,7 +6,7 @@ use hydroline_rigs::{Slab, SlabOutline, Target};
 /// Slabs a target may have: their ids share a byte with the flags of the rasteriser.
 pub(super) const SLABS_MAX: usize = 100;
 
-/// What a stripe point lies on.
+/// Surface that a stripe point lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Surface {
     /// The tank floor.

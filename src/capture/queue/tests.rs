@@ -13,7 +13,7 @@ enum Vb2 {
     Done { void: bool },
 }
 
-/// What the world does to the queue, in turn.
+/// Events that the world puts to the queue, in turn.
 #[derive(Debug, Clone, Copy)]
 enum Fault {
     Frame,

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const BATCH: usize = 32;
 /// In a log every so many frames a missing board is asked for its reason.
 const REASON_EVERY: u64 = 25;
-/// How an MCAP file begins.
+/// First bytes of an MCAP file.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 
 /// One argument.
@@ -40,13 +40,13 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
     paths.iter().map(kind).collect()
 }
 
-/// How images and logs are read.
+/// Options for reading images and logs.
 pub struct Reading<'a> {
     /// Every so many frames of a log are looked at.
     pub every: u32,
     /// Topic of the logs' images, as named.
     pub image_topic: Option<&'a str>,
-    /// How grey levels come out of them.
+    /// Conversion of an image to grey levels.
     pub rule: GreyRule,
 }
 
@@ -65,7 +65,7 @@ pub struct Collected {
     pub refused_images: u64,
     /// Of these, files that are no image.
     pub unreadable_images: u64,
-    /// How often which reason: by its kind, the first of them in full.
+    /// Number of refusals by kind of reason; of each kind the first reason in full.
     pub refused: BTreeMap<String, u64>,
     kinds: BTreeMap<String, String>,
     /// Stamp of the newest frame with a board, UNIX \[ns\]; `None` for image files.

@@ -1,4 +1,4 @@
-//! Which errors of the rooms are the doing of what was given, and which of the run.
+//! Sorts the errors of the rooms into those of the input and those of the run.
 //!
 //! The rule: an error that could have been known from the arguments and files alone, before any work, is theirs.
 
@@ -36,7 +36,7 @@ pub(crate) trait Sorted: Display {
     /// Whether what was given (arguments, config, input files) is to blame; else the run is.
     fn is_input(&self) -> bool;
 
-    /// What to do, where the error's own words do not say.
+    /// Next step of the user, where the error's own words do not say it.
     fn next_step(&self) -> Option<&'static str> {
         None
     }

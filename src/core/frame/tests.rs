@@ -376,7 +376,7 @@ fn a_laser_that_clips_its_own_channel_is_noticed_in_luma() {
         assert_eq!(hidden.channel, Channel::Green, "{format:?}");
         assert!(hidden.pixels >= 4, "{format:?}: {}", hidden.pixels);
         assert_eq!(image.hidden_clipping(&of(Channel::Green)).unwrap(), None);
-        // What the luma hides shows in the channel.
+        // Clipping that the luma hides shows in the channel.
         let top = |rule| image.to_grey(&rule).unwrap().pixels.into_iter().max();
         assert!(top(GreyRule::default()) < Some(254), "{format:?}");
         assert!(top(of(Channel::Green)) >= Some(254), "{format:?}");

@@ -1,4 +1,4 @@
-//! What was measured beside the motion: angles of rudder and fins, shaft speed, height of the waves.
+//! Companions measured beside the motion: angles of rudder and fins, shaft speed, height of the waves.
 
 /// Names of the companions, with their units.
 pub const COMPANIONS: [&str; 4] = ["rudder_rad", "elevator_rad", "shaft_radps", "wave_m"];

@@ -7,12 +7,12 @@ use std::fmt;
 pub enum Line {
     /// Earlier runs of the series are there.
     GoesOn {
-        /// How many can be used.
+        /// Number that can be used.
         runs: usize,
     },
     /// Somebody wanted no more runs, with so many usable.
     Ended {
-        /// How many can be used.
+        /// Number that can be used.
         runs: usize,
     },
     /// The same, after a run.

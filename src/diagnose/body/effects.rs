@@ -47,7 +47,7 @@ fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
                 }
                 Some((p / sum, v))
             });
-            // What a model does not determine says nothing of the number.
+            // A model that does not determine a number says nothing of it.
             with.filter(|(_, v)| v.sd.is_some())
         };
         let share: f64 = each().map(|(p, _)| p).sum();
@@ -197,7 +197,7 @@ impl Judged<'_> {
         each.collect()
     }
 
-    /// What may stand in an effect's place, all others as they are.
+    /// Effects that may take an effect's place, all others as they are.
     fn exchanges(&self, term: usize) -> Vec<String> {
         let mut said = BTreeSet::new();
         for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
@@ -375,7 +375,7 @@ impl Judged<'_> {
         for (member, t) in fit.terms.iter().enumerate() {
             let at = places[member];
             let c = &body.candidates[*t];
-            // How a law varies stands with the effect.
+            // The trend of a law is written with its effect.
             if self.stands(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }

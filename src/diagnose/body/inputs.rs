@@ -1,4 +1,4 @@
-//! What was not explained but drove the rest: DOFs that moved as they were measured, and companions.
+//! Inputs that were not explained but drove the rest: DOFs that moved as they were measured, and companions.
 
 use hydroline_core::run::{COMPANIONS, Channel};
 use hydroline_inference::body::Body;
@@ -31,7 +31,7 @@ impl Inputs<'_> {
         each.map(str::to_owned).collect()
     }
 
-    /// What moves a given DOF, in words; `None` = nobody knows.
+    /// Cause of a given DOF's motion, in words; `None` = nobody knows.
     fn cause(&self, dof: usize) -> Option<String> {
         if self.asked.contains(&dof) {
             return Some("as asked".to_owned());

@@ -122,7 +122,7 @@ impl Judged<'_> {
         Some((next, offers))
     }
 
-    /// What matters by the verdict, and what else may: sets that tie with it, or else the likeliest in which something else
+    /// Set that matters by the verdict, and its rivals: sets that tie with it, or else the likeliest in which something else
     /// matters.
     fn rivals(&self) -> (BTreeSet<usize>, Vec<(BTreeSet<usize>, &Fit)>) {
         let Some((set, first)) = self.groups.first().cloned() else {

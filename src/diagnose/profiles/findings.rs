@@ -1,4 +1,4 @@
-//! What the profiles say, as part of the verdict.
+//! Findings of the profiles, as part of the verdict.
 
 mod effects;
 mod figures;
@@ -50,7 +50,7 @@ pub enum ImageError {
     NoPose,
 }
 
-/// What the profiles say.
+/// Findings of the image level.
 #[derive(Debug, Clone)]
 pub struct Findings {
     /// One word.
@@ -81,7 +81,7 @@ pub struct Findings {
     pub poses: Vec<Vec<(f64, [f64; 6])>>,
     /// Section of the report with its pictures.
     pub section: Body,
-    /// Remarks.
+    /// Remarks for the verdict.
     pub notes: Vec<String>,
     /// Sets of effects looked at.
     pub sets_looked_at: usize,
@@ -126,7 +126,7 @@ pub fn explain(
     let base = Base::new(rig)?;
     let candidates = library(&base);
     let plain = base.optics(&[]).ok_or(ImageError::NoPose)?;
-    // What lights the picture comes first: rows, widths and edges are read from the frames without it.
+    // The light comes first: rows, widths and edges are read from frames without what lights the picture.
     let look = |geometry| Lit::new(runs, rig, &base, geometry, candidates.len(), progress);
     let mut lit = look(Geometry::new(rig, plain));
     let mut cleared = enough(&lit.runs, runs)?;

@@ -39,7 +39,7 @@ const DONORS: usize = 2;
 /// Effects in one explanation at most.
 const DEEPEST: usize = 3;
 
-/// What the search found.
+/// Outcome of the search.
 pub struct Searched {
     /// Without effects.
     pub nothing: Fitted,

@@ -11,7 +11,7 @@ use super::NOISE_KEY;
 use hydroline_log::messages::{pb, timestamp, unix_ns};
 use hydroline_log::{LogError, LogReader, Record};
 
-/// Why a log gives no run.
+/// Failure to make a run of a log.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum LoadError {

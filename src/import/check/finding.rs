@@ -1,6 +1,6 @@
-//! What was found.
+//! Findings about a table: severity, kind, line and message.
 
-/// How bad.
+/// Severity of a finding, the least first.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, schemars::JsonSchema,
 )]
@@ -17,7 +17,7 @@ pub enum Severity {
 /// One finding.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Finding {
-    /// How bad.
+    /// Severity of the finding.
     pub severity: Severity,
     /// Stable machine word.
     pub kind: &'static str,
@@ -53,7 +53,7 @@ impl Finding {
         }
     }
 
-    /// What it is about: the words before the first colon, or none.
+    /// Subject of the message: the words before the first colon, or none.
     pub(crate) fn subject(&self) -> &str {
         self.message.split_once(':').map_or("", |(s, _)| s)
     }

@@ -193,7 +193,7 @@ impl<'a> Watch<'a> {
         own.is_some_and(|c| matches!(c.origin, Origin::Value(_)))
     }
 
-    /// What the file's 0 becomes; NaN where it is mixed with other columns.
+    /// Channel's value for a 0 in the file; NaN where it is mixed with other columns.
     fn zero(&self, place: usize) -> f64 {
         // A lost body's quaternion is that of no turn.
         if (3..6).contains(&place) && self.map.quaternion.is_some() {

@@ -18,7 +18,7 @@ use left::{Left, Why};
 /// Components of a load, in the order of the channels.
 const LOADS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
-/// What turns so many times more than another does so clearly.
+/// A body that turns so many times more about one axis than about another does so clearly.
 const CLEARLY: f64 = 4.0;
 
 #[derive(Debug, Clone)]
@@ -30,7 +30,7 @@ struct Channel {
     questions: Vec<String>,
 }
 
-/// What moves, and what was commanded.
+/// Measured channels and commanded loads of a table, as the map will name them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Motion {
     channels: Vec<Channel>,
@@ -46,7 +46,7 @@ pub(super) struct Motion {
     y_up: bool,
     /// A heading beyond a turn is in degrees, or goes on over several turns in radians.
     angle_open: bool,
-    /// What is not mapped and why.
+    /// Columns that are not mapped, and why.
     left: Left,
     notes: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! What is fitted: measured series, loads, and what a set of unknowns leaves of them.
+//! Problem that a fit solves: measured series, loads, and what a set of unknowns leaves of them.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -22,7 +22,7 @@ pub(super) struct Series {
     pub(super) rho: f64,
 }
 
-/// What is to be aligned.
+/// Measured series and loads that are to be aligned.
 pub struct Problem {
     pub(super) times_s: Vec<f64>,
     /// Of each degree of freedom, by the commands' clock from the first on \[s\].
@@ -229,7 +229,7 @@ impl Problem {
             let free = (count as f64 - COEFFICIENTS as f64).max(1.0);
             s.sd = (power / free).sqrt().max(1e-12);
             let rho = lagged / power.max(f64::MIN_POSITIVE);
-            // What white noise shows by chance is none.
+            // A correlation that white noise may show by chance counts as none.
             let chance = 2.5 / (count as f64).sqrt();
             s.rho = if rho.abs() > chance {
                 rho.clamp(-0.9, 0.999)

@@ -1,6 +1,6 @@
-//! What is wrong with a map.
+//! Errors of a map.
 
-/// What is wrong with a map.
+/// Error in a map, with the key and what to do.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum MapError {

@@ -1,4 +1,4 @@
-//! What a log of another program holds: its topics, and the fields that a map can name.
+//! Contents of another program's log: its topics, and the fields that a map can name.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -30,7 +30,7 @@ pub struct TopicContents {
     pub topic: String,
     /// The kind of message.
     pub schema: String,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
     /// Of them, those with a stamp of their own.
     pub stamped: u64,
@@ -47,13 +47,13 @@ pub struct TopicContents {
 /// All of it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Contents {
-    /// What wrote it.
+    /// Kind of log, such as `PX4 ULog`.
     pub kind: &'static str,
     /// Messages that were read or passed over.
     pub messages: u64,
     /// Topics, in the order of the log.
     pub topics: Vec<TopicContents>,
-    /// What could not be read.
+    /// Damaged records, and messages that could not be read.
     pub unreadable: Vec<Unreadable>,
     /// Bytes between records that belong to none.
     pub skipped_bytes: u64,

@@ -180,16 +180,16 @@ pub(super) trait Sink {
     fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>);
 }
 
-/// What could not be read: how often, the first place, and why.
+/// Part of a log that could not be read: how often, the first place, and why.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Unreadable {
-    /// What: damaged records, or messages of a topic.
+    /// Damaged records, or messages of a topic.
     pub what: String,
-    /// How many.
+    /// Number of them.
     pub count: u64,
     /// Byte of the file at which the first stands; of a database, the row.
     pub first_at: u64,
-    /// Why, of the first.
+    /// Reason why the first could not be read.
     pub reason: String,
 }
 
@@ -219,7 +219,7 @@ impl Account {
     }
 }
 
-/// Why a log cannot be used.
+/// Reason why a log cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum RecordedError {
@@ -232,7 +232,7 @@ pub enum RecordedError {
     #[error("it is {what}, which is not read; {next}")]
     NotRead {
         what: &'static str,
-        /// What makes one of it that is read.
+        /// Way to a log that is read.
         next: &'static str,
     },
     #[error(

@@ -4,7 +4,7 @@ use half::f16;
 
 use super::message::{Leaves, Number};
 
-/// What stands at a place, little endian.
+/// Type of a value in a record, little endian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Kind {
     U8,
@@ -42,7 +42,7 @@ pub(super) struct Field {
     pub kind: Kind,
     /// `None` = one value; else an array.
     pub elements: Option<usize>,
-    /// What a count is worth: 1 (whole numbers stay whole), 0.01, 1e-7.
+    /// Value of one count: 1 (whole numbers stay whole), 0.01, 1e-7.
     pub scale: f64,
     /// As the log states it; empty = not at all.
     pub unit: String,

@@ -93,7 +93,7 @@ struct Packet<'a> {
     sound: Option<bool>,
 }
 
-/// What stands at the beginning of these bytes, if it looks like a packet.
+/// Packet at the beginning of these bytes, if they look like one.
 fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>> {
     let time_us = u64::from_be_bytes(bytes.get(..STAMP_BYTES)?.try_into().ok()?);
     let own = &bytes[STAMP_BYTES..];

@@ -1,4 +1,4 @@
-//! What instruments would have measured of a body, and its derivatives.
+//! Simulated measurements of a body, as instruments would have made them, and their derivatives.
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term as CoefficientTerm;

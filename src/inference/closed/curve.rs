@@ -16,7 +16,7 @@ use crate::fit::ln_determinant;
 const STEPS: usize = 40;
 const LITTLE: f64 = 1e-4;
 
-/// What data say of a table's points f: ln p = -f A f / 2 + f h.
+/// Likelihood of a table's points f: ln p = -f A f / 2 + f h.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
     /// A: information of the points.

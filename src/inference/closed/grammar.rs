@@ -1,4 +1,4 @@
-//! What a force of no known effect may be written as: a piece, or a sum of two, over its covariate.
+//! Forms of a force of no known effect: a piece, or a sum of two, over its covariate.
 //!
 //! A piece is a form of the simulator's with priors of its numbers. They are given by the covariate's range alone, so that
 //! nothing here knows of metres or radians.
@@ -104,7 +104,7 @@ fn evenly_by_ratio((low, high): (f64, f64), count: usize) -> impl Iterator<Item 
     evenly((low.ln(), high.ln()), count).map(f64::exp)
 }
 
-/// What a table runs along.
+/// DOF, covariate and range of a table, with the usual size of its force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Along {
     /// DOF in which the force acts.

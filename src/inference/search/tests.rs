@@ -1,4 +1,4 @@
-//! What a search finds in runs that are simulated.
+//! Findings of a search in runs that are simulated.
 
 use super::*;
 use crate::posterior::Posterior;

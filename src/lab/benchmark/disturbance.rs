@@ -77,7 +77,7 @@ impl Disturbance {
             .collect()
     }
 
-    /// Which samples are far off, and by how much \[m\]; 0 = not.
+    /// Outlying part of each sample \[m\]; 0 = no outlier.
     pub fn far_off(&self, n: usize, rng: &mut StdRng) -> Vec<f64> {
         (0..n)
             .map(|_| {
@@ -88,7 +88,7 @@ impl Disturbance {
             .collect()
     }
 
-    /// Which frames arrive.
+    /// Whether each frame arrives.
     pub fn arrives(&self, times_s: &[f64], rng: &mut StdRng) -> Vec<bool> {
         let end_s = times_s.last().copied().unwrap_or(0.0);
         let gap_from_s = between(rng, 0.1, 0.9) * end_s;

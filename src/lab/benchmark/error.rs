@@ -9,7 +9,7 @@ use hydroline_plan::setpoint::SetpointError;
 use hydroline_sim::ThrustError;
 use hydroline_sim::trajectory::TrajectoryError;
 
-/// What can go wrong around a case.
+/// Error in making, diagnosing or judging a case.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ProveError {
@@ -49,7 +49,7 @@ pub enum ProveError {
     },
     #[error("no case '{id}'; ids look like {example} (category-index, index from 0)")]
     UnknownCase { id: String, example: String },
-    /// What lies in the folder of kept cases cannot be used.
+    /// Folder of kept cases, or a file in it, that cannot be used.
     #[error("{path}: {reason}")]
     Kept {
         path: String,

@@ -111,7 +111,7 @@ impl Sealed<'_> {
     }
 }
 
-/// What the columns of the laws are.
+/// Descriptions of the laws' columns.
 #[derive(Default)]
 struct Columns {
     said: serde_json::Map<String, serde_json::Value>,
@@ -273,7 +273,7 @@ mod tests {
     use super::*;
     use crate::benchmark::{Category, make};
 
-    /// What is laid down is what another tool needs, in columns of one length, and nothing of the key.
+    /// The tables hold all that another tool needs, in columns of one length, and nothing of the key.
     #[test]
     fn a_case_lies_there_without_its_key() {
         let folder = tempfile::tempdir().unwrap();

@@ -8,7 +8,7 @@ use super::composed::Composed;
 use super::magnitudes::{between, sign};
 use super::modulated::Modulated;
 
-/// What a law sees.
+/// Inputs of a law.
 #[derive(Debug, Clone, Copy)]
 pub struct Here {
     /// Time \[s\].
@@ -19,7 +19,7 @@ pub struct Here {
     pub u_mps: f64,
     /// X_u, X_u|u| of the vehicle.
     pub drag: [f64; 2],
-    /// Which run.
+    /// Index of the run.
     pub run: usize,
     /// Load commanded \[N\].
     pub load_n: f64,

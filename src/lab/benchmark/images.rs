@@ -29,7 +29,7 @@ use std::fmt::Write as _;
 /// A case after its diagnosis.
 #[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct ImageJudged {
-    /// Number.
+    /// Index of the case.
     pub index: usize,
     /// Effects that are there.
     pub truth: Vec<String>,
@@ -39,13 +39,13 @@ pub struct ImageJudged {
     pub shown: bool,
     /// rms error of the poses after over that of the frames without the effects, mean over the six numbers' squares.
     pub pose_ratio: Option<f64>,
-    /// How far it moves the pose of a frame, largest of six in its own sds.
+    /// Shift of a frame's pose by it, largest of six in its own sds.
     #[serde(deserialize_with = "number_or_nan")]
     pub moves_sds: f64,
     /// The same of x, y and z alone.
     #[serde(deserialize_with = "number_or_nan")]
     pub moves_position_sds: f64,
-    /// What was named.
+    /// Effects that were named.
     pub found: Vec<String>,
     /// Sets that the frames cannot distinguish.
     pub sets: Vec<Vec<String>>,

@@ -22,7 +22,7 @@ use super::case::{Case, UNNAMED_ID};
 
 /// The only DOF that moves in these cases.
 const SURGE: usize = 0;
-/// What its choice may cost, in passes: it begins at the truth.
+/// Largest cost of its choice, in passes: it begins at the truth.
 const COST: usize = 60;
 /// Log evidence that one more number of a law costs: its range over its sd is some twenty.
 const ONE_MORE: f64 = 3.0;

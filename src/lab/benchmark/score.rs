@@ -12,9 +12,9 @@ pub(super) const Z95: f64 = 1.959_964;
 /// Hits out of a number, with Wilson's 95 % interval (JASA 22, 1927).
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Rate {
-    /// Hits.
+    /// Number of hits.
     pub hits: usize,
-    /// Out of.
+    /// Number counted, hits and misses.
     pub count: usize,
     /// Share; NaN without any.
     pub share: f64,
@@ -50,9 +50,9 @@ impl Rate {
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Line {
-    /// What is counted.
+    /// Quantity that is counted.
     pub what: &'static str,
-    /// What is asked.
+    /// Bound to meet; empty = none.
     pub asked: &'static str,
     /// The diagnosis.
     pub tool: Rate,
@@ -71,16 +71,16 @@ pub struct Error {
     pub covered: Rate,
 }
 
-/// Everything.
+/// Scores of all cases together.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Score {
     /// Cases per category.
     pub cases: BTreeMap<&'static str, usize>,
-    /// Lines.
+    /// Lines of the table.
     pub lines: Vec<Line>,
     /// Heaviest there -> heaviest named -> cases.
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
-    /// Parameters.
+    /// Errors of the parameters.
     pub errors: Vec<Error>,
     /// Median rms of the run held out over its noise: before, after.
     pub held_out: [f64; 2],
@@ -332,7 +332,7 @@ fn answer(j: &Judged) -> String {
     }
 }
 
-/// What went wrong in a case, in a line; `None` where nothing did.
+/// Complaint about a case, in a line; `None` where nothing went wrong.
 pub fn complaint(j: &Judged) -> Option<String> {
     let mut wrong: Vec<String> = j
         .passed

@@ -18,7 +18,7 @@ pub struct DofRow {
     pub dof: String,
     /// `paper` (its formula) or `joint`.
     pub estimator: String,
-    /// Experiments.
+    /// Number of experiments.
     pub seeds: usize,
     /// Frames of one experiment.
     pub frames: usize,

@@ -11,9 +11,9 @@ use serde::Serialize;
 /// One cell of Table 4 or 5.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Disturbed {
-    /// Formula.
+    /// Motion that the formula measures.
     pub motion: Motion,
-    /// Disturbance.
+    /// Motion that disturbs it.
     pub by: Motion,
     /// Its range, mm or degrees.
     pub from_to: [f64; 2],
@@ -32,7 +32,7 @@ pub struct Disturbed {
 /// Joint pose under all disturbances at once.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct JointAccuracy {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Frames without a pose.
     pub failed: usize,

@@ -53,7 +53,7 @@ impl Swing {
 #[derive(Debug, Clone)]
 pub struct Experiment {
     pub name: String,
-    /// What moves.
+    /// DOF that moves.
     pub dof: Dof,
     /// Pose of the CG at rest; in surge ψ is also the direction of the path.
     pub start: Pose,
@@ -64,7 +64,7 @@ pub struct Experiment {
     pub swings: Vec<Swing>,
 }
 
-/// What one run's images gave, one entry per frame.
+/// Results from one run's images, one entry per frame.
 #[derive(Debug, Clone, Default)]
 pub struct Seen {
     /// Stamps \[s\].
@@ -216,7 +216,7 @@ struct Eye {
     chain: Option<Chain>,
     heights_m: Vec<f64>,
     eta_level_m: f64,
-    /// Which of the places that fit l and r is meant: X_S and ψ_S to within centimetres and degrees,
+    /// Place that is meant of those that fit l and r: X_S and ψ_S to within centimetres and degrees,
     /// from the start, then from where the vehicle was seen last. Near a joint the formula alone cannot
     /// tell a place from its mirror image.
     near: (f64, f64),
@@ -258,7 +258,7 @@ impl Eye {
                 self.near = crossing_of(&fit.pose, self.ahead_m);
                 Some(*fit)
             }
-            // Which hexagon it is moves x by whole hexagons and nothing else.
+            // The choice of the hexagon moves x by whole hexagons and nothing else.
             RunPose::Flagged(fit) if self.dof != Dof::Surge && only_which_hexagon(&fit) => {
                 Some(*fit)
             }

@@ -28,11 +28,11 @@ pub const TABLE11_PRINTED_MM: [[f64; 3]; 3] =
 /// One row of Table 11.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Table11Row {
-    /// Condition.
+    /// Condition of the row, as in Table 10.
     pub condition: String,
     /// Largest |x of these parameters - x of the actual ones| over 5 m, at 4, 8, 16 N \[mm\].
     pub error_mm: [f64; 3],
-    /// What the paper prints \[mm\].
+    /// The same as the paper prints it \[mm\].
     pub printed_mm: [f64; 3],
 }
 

@@ -29,13 +29,13 @@ const TURN_RAD: f64 = 0.02;
 /// nothing is known of its thrust. Smoothing must not need what identification is to find.
 const COEFFICIENTS_OFF: f64 = 1.2;
 
-/// What is added to the motion.
+/// Disturbance added to the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Disturbance {
-    /// Nothing.
+    /// No disturbance.
     None,
-    /// Pitch.
+    /// Pitch alone.
     Pitch,
     /// Pitch and yaw.
     PitchAndYaw,
@@ -55,9 +55,9 @@ impl Disturbance {
 pub struct SurgeRun {
     /// X \[N\].
     pub thrust_n: f64,
-    /// What is added.
+    /// Disturbance added to the run.
     pub disturbance: Disturbance,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// The paper's ψ_S \[°\].
     pub paper_psi_s_deg: f64,

@@ -11,20 +11,20 @@ use hydroline_identify::data::Start;
 use hydroline_identify::problem::Objective;
 use hydroline_pose::Pose;
 
-/// How positions become coefficients, under one condition.
+/// Errors of one estimator's coefficients under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
     /// `surge only`, `with pitch`, `with pitch and yaw`.
     pub condition: String,
     /// `paper` (formula, Eq. 10) or `joint` (joint pose, least squares).
     pub estimator: String,
-    /// Experiments.
+    /// Number of experiments.
     pub seeds: usize,
     /// Mean error of X_u̇, X_u, X_u|u| \[% of the actual\].
     pub mean_percent: [f64; 3],
     /// rms of the same.
     pub rms_percent: [f64; 3],
-    /// What the paper prints, as an error \[%\].
+    /// Error of the paper's printed coefficients \[%\].
     pub printed_percent: [f64; 3],
     /// rms of the reported standard deviations \[%\].
     pub sd_percent: [f64; 3],
@@ -34,13 +34,13 @@ pub struct Row {
     pub prediction_mm: [f64; 3],
     /// The largest of all seeds \[mm\].
     pub prediction_worst_mm: [f64; 3],
-    /// What the paper prints \[mm\].
+    /// Position error that the paper prints in Table 11 \[mm\].
     pub prediction_printed_mm: [f64; 3],
     /// Largest |position error| of all seeds at 4 and 8 N \[mm\] (Table 7).
     pub position_mm: [f64; 2],
     /// rms position error about its mean at 4 and 8 N \[mm\].
     pub position_rms_mm: [f64; 2],
-    /// What the paper prints \[mm\].
+    /// Position error that the paper prints in Table 7 \[mm\].
     pub position_printed_mm: [f64; 2],
     /// ψ_S as the formula finds it, mean over the seeds \[°\]; paper estimator only.
     pub psi_s_deg: Option<[f64; 2]>,
@@ -110,7 +110,7 @@ fn experiments(pitch: bool, yaw: bool, l_laser_m: f64) -> [Experiment; 2] {
     })
 }
 
-/// What one experiment (both runs) gave with one estimator.
+/// Result of one experiment (both runs) with one estimator.
 struct Outcome {
     identified: Identified,
     position_m: [f64; 2],

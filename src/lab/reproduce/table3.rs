@@ -12,7 +12,7 @@ const CORNER_M: f64 = 0.008;
 /// One row of the table, errors in mm or degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
-    /// Motion.
+    /// Motion that the formula measures.
     pub motion: Motion,
     /// Unit of the errors.
     pub unit: &'static str,

@@ -18,7 +18,7 @@ pub(super) const BRACKET_NS: u64 = 50_000;
 /// At most that many findings of one check; the rest is counted.
 const LISTED: usize = 5;
 
-/// What has been seen so far.
+/// Findings and counts so far.
 #[derive(Debug, Default)]
 pub(super) struct Checks {
     pub(super) findings: Vec<Finding>,
@@ -41,7 +41,7 @@ pub(super) struct Checks {
     pub(super) wide_brackets: u64,
     pub(super) step_events: u64,
     pub(super) error_events: BTreeMap<String, u64>,
-    /// How grey levels come out of the frames.
+    /// Rule for the grey levels of the frames.
     pub(super) rule: GreyRule,
     pub(super) clipping: ClippingWatch,
     pub(super) warning_events: BTreeMap<String, u64>,

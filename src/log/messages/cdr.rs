@@ -5,7 +5,7 @@
 
 use bytes::Bytes;
 
-/// Why bytes are no such message.
+/// Reason why bytes are no such message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum CdrError {

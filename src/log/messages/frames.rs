@@ -18,7 +18,7 @@ pub enum ImageMessage {
     Compressed(CompressedImage),
 }
 
-/// Why an image message cannot become a frame.
+/// Reason why an image message cannot become a frame.
 #[derive(Debug, thiserror::Error, PartialEq)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {

@@ -228,17 +228,17 @@ pub(crate) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
     f.u32("summary crc")
 }
 
-/// Where the summary begins, 0 = there is none.
+/// Offset of the summary, 0 = there is none.
 pub(crate) fn footer_summary_start(body: &Bytes) -> Result<u64, Damage> {
     fields(op::FOOTER, body).u64("summary start")
 }
 
-/// What the summary says of a chunk.
+/// Index of a chunk in the summary.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChunkIndexRecord {
     pub chunk_offset: u64,
     pub chunk_bytes: u64,
-    /// Where the message index of each channel stands in the file: behind the chunk.
+    /// Offset of each channel's message index in the file: behind the chunk.
     pub message_indexes: BTreeMap<u16, u64>,
     /// Of all message indexes.
     pub message_index_bytes: u64,

@@ -80,7 +80,7 @@ impl<R: Read + Seek> ChunkFinder<R> {
     }
 }
 
-/// What looks like the head of a chunk.
+/// Bytes that may be the head of a chunk.
 struct Candidate {
     len: u64,
     uncompressed_bytes: u64,

@@ -1,6 +1,6 @@
 //! Geometry that is only nearly known, refined over the frames of a run.
 //!
-//! What all frames share: the sheet's tilt (x_b = l_laser + a z_b + b y_b) and its thickness; each
+//! All frames share the sheet's tilt (x_b = l_laser + a z_b + b y_b) and its thickness; each
 //! frame has its own pose, brightness and background. These are eliminated frame by frame (each is
 //! fitted anew under every geometry tried, so that its least cost is a function of the geometry
 //! alone), and the sum over the frames is brought to its minimum by Newton's method with central
@@ -53,7 +53,7 @@ const CONVERGED_SD: f64 = 0.1;
 /// Tilt beyond which the sheet is not nearly where the rig says \[rad\] (6°).
 const TILT_MOST_RAD: f64 = 0.1;
 
-/// What is to be refined.
+/// Parts of the geometry to refine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wanted {
     /// The sheet's tilt, both ways.
@@ -75,7 +75,7 @@ impl Wanted {
     }
 }
 
-/// What the frames of a run share.
+/// Geometry of the sheet that the frames of a run share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     /// a of x_b = l_laser + tan a z_b + tan b y_b \[rad\].
@@ -89,7 +89,7 @@ pub struct Geometry {
 /// Refined geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// What was wanted.
+    /// Parts that were to be refined.
     pub wanted: Wanted,
     /// As found; what was not wanted is as the rig has it.
     pub geometry: Geometry,
@@ -101,7 +101,7 @@ pub struct Refined {
     pub poses: Vec<Option<Pose>>,
 }
 
-/// Why nothing is refined.
+/// Failure to refine.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum RefineError {
@@ -134,7 +134,7 @@ impl Geometry {
         Rotation3::rotation_between(&normal, &Vector3::x()).unwrap_or_else(Rotation3::identity)
     }
 
-    /// What pixels see of the tilted sheet, in that frame.
+    /// Table of the tilted sheet's points, in that frame.
     fn table(self, upright: &SheetTable) -> SheetTable {
         let normal_length =
             (1.0 + self.tilt_pitch_rad.tan().powi(2) + self.tilt_yaw_rad.tan().powi(2)).sqrt();
@@ -246,7 +246,7 @@ fn enough(own: &[Own]) -> Result<(), RefineError> {
     Ok(())
 }
 
-/// What was wanted and what was found.
+/// Parts that were to be refined, and the geometry found.
 struct Found {
     wanted: Wanted,
     geometry: Geometry,
@@ -481,7 +481,7 @@ impl PoseFitter {
         Some(costs)
     }
 
-    /// What of a frame over its target is free under a hint.
+    /// Whether each parameter of a frame over its target is free under a hint.
     fn free_of(&self, hint: &Hint) -> [bool; PARAMETERS] {
         let theta = hint.held.theta_rad.is_none();
         self.free([true, true, true, true, theta, true], hint)

@@ -6,7 +6,7 @@ use super::{LightSeen, Matrix7, ResponseSeen};
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
 
-/// Why a number is missing or larger in its sd than usual.
+/// Reason why a number is missing, or its sd larger than usual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum PoseCaveat {
@@ -44,7 +44,7 @@ pub struct JointPose {
     pub covariance_with_thickness: Matrix7,
     /// Sd of θ \[rad\] with the camera's response taken as it is held: from the frame's own pixels alone.
     pub theta_sd_alone_rad: f64,
-    /// Which of x, y, z, φ, θ, ψ the frame determines.
+    /// Whether the frame determines each of x, y, z, φ, θ, ψ.
     pub measured: [bool; 6],
     /// Sheet's thickness as fitted \[m\].
     pub thickness_m: f64,
@@ -62,7 +62,7 @@ pub struct JointPose {
     pub response: Option<ResponseSeen>,
     /// Coefficients of uneven light as fitted: of the brightness as a share of it, of the background \[grey levels\].
     pub uneven: [f64; UNEVEN],
-    /// What light and camera look like.
+    /// Light and camera as the fit found them.
     pub light: LightSeen,
     /// Pixel noise as found \[grey levels\].
     pub noise_sd: f64,
@@ -72,7 +72,7 @@ pub struct JointPose {
     pub edge_model_error: f64,
     /// Pixels compared.
     pub pixels: usize,
-    /// What to mind.
+    /// Reservations about the pose.
     pub caveats: Vec<PoseCaveat>,
 }
 
@@ -106,7 +106,7 @@ impl JointPose {
     }
 }
 
-/// Why a frame gives no pose.
+/// Reason why a frame gives no pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum PoseFault {

@@ -18,12 +18,12 @@ const EXCESS_MOST: f64 = 0.15;
 /// is that of an edge that lies off by a hundredth of a pixel.
 const MODEL_ERROR_RANGE: [f64; 2] = [0.005, 0.1];
 
-/// What an edge cuts of a pixel's light.
+/// Light of a pixel that an edge cuts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EdgeLight {
     /// All of a pixel's light where it is cut in half \[grey levels\].
     pub light: f64,
-    /// What more light there would be if all blur were formed on the pixel grid \[grey levels\].
+    /// Derivative of the light by the share of blur that is formed on the pixel grid \[grey levels\].
     pub by_grid: f64,
 }
 
@@ -136,7 +136,7 @@ fn all(edges: &[EdgeSums]) -> EdgeSums {
     all
 }
 
-/// What the pixels of an edge add up to.
+/// Sums over the pixels of an edge.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeSums {
     pub name: EdgeName,
@@ -161,7 +161,7 @@ impl EdgeSums {
         }
     }
 
-    /// What comes next is of another column.
+    /// Begins another column.
     pub fn next_column(&mut self) {
         self.before = [None; 2];
     }

@@ -15,7 +15,7 @@ use crate::normal::Tables;
 /// Of a strip's pixels: d light/ds, the same times the row, brightness, thickness, background.
 const FRAME: usize = 5;
 
-/// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
+/// Quantities that are straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
 struct End {
     total2: f64,
     inverse: f64,

@@ -412,7 +412,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
             };
             let seen = compare(&mut EdgeModelError::default());
             let share = seen.edges.grid_share(weighting.noise_sd);
-            // What is found explains what the edges left over.
+            // The model error found explains what the edges left over.
             let mut model_error = EdgeModelError::found(&seen.edges, weighting.noise_sd);
             let again = compare(&mut model_error);
             let cost = |s: &Sums| s.cost;
@@ -427,7 +427,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
         println!("x {x_m}: share, again, costs; lens {lens:.3?}, grid {grid:.3?}");
         assert!(lens.0 < 0.05 && lens.1 < 0.05, "x {x_m}: {lens:?}");
         assert!(grid.0 > 0.8 && grid.1 > 0.8, "x {x_m}: {grid:?}");
-        // What the lens's own picture costs is rounding.
+        // The cost of the lens's own picture is rounding.
         let left = (grid.3 - lens.3) / (grid.2 - lens.3);
         assert!(left < 0.2, "x {x_m}: {lens:?} {grid:?}");
     }

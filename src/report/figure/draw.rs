@@ -50,7 +50,7 @@ pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
     numbers(root, placed);
 }
 
-/// What lies behind the grid.
+/// Draws the parts of a layer that lie behind the grid.
 fn areas(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scale; 2]) {
     let [[left, top], [right, bottom]] = placed.area;
     // Between two places, in whatever order the axis has them.

@@ -40,7 +40,7 @@ pub(super) struct Placed<'a> {
     pub scales: Option<[Scale; 2]>,
     pub x_ticks: Vec<Tick>,
     pub y_ticks: Vec<Tick>,
-    /// Whether the abscissa's numbers and name stand below.
+    /// Whether the abscissa's numbers and name are written below.
     pub x_written: bool,
     pub x_label: String,
     pub y_label: Vec<String>,
@@ -49,11 +49,11 @@ pub(super) struct Placed<'a> {
     pub top_px: f64,
 }
 
-/// What is known of a panel before the margins are.
+/// Measures of a panel before the margins are known.
 struct Measured<'a> {
     panel: &'a Panel,
     ranges: Option<[[f64; 2]; 2]>,
-    /// How many numbers the ordinate should carry, and may at most.
+    /// Numbers that the ordinate should carry, and may at most.
     wanted_up: [f64; 2],
     y_label: Vec<String>,
     left_px: f64,

@@ -1,4 +1,4 @@
-//! How wide text is, before any font is known.
+//! Width of text, before any font is known.
 //!
 //! The reader's sans-serif font draws it. Widths are those of DejaVu Sans, the widest of the usual ones
 //! (Arial and Helvetica are about a tenth narrower), so that what fits here fits everywhere.

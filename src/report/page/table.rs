@@ -29,7 +29,7 @@ pub struct Row {
     warns: bool,
 }
 
-/// What stands in a cell.
+/// Cell of a table.
 #[derive(Debug, Clone)]
 pub struct Value {
     words: Inline,

@@ -1,8 +1,8 @@
-//! What the fit says, and 32-bit times made 64 bits wide.
+//! Result of the fit, and 32-bit times made 64 bits wide.
 
 use crate::record::ControllerClock;
 
-/// Where the controller's clock stands.
+/// State of the controller's clock by the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// CLOCK_MONOTONIC the fit is centred on \[ns\].

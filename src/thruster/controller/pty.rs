@@ -17,7 +17,7 @@ use std::thread::JoinHandle;
 /// Called for every change of an output.
 pub type OnPulses = Box<dyn FnMut(ControllerEvent) + Send>;
 
-/// Why there is no pseudo-terminal.
+/// Reason why there is no pseudo-terminal.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum PtyError {

@@ -8,7 +8,7 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Why [`serve`] came back.
+/// Reason why [`serve`] came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ServeEnd {
     /// `stop` was set.
@@ -20,7 +20,7 @@ pub enum ServeEnd {
 /// Serves `stream` until `stop` is set or the other end closes. Every change of an output goes to `on_pulses`.
 ///
 /// The stream is made non-blocking. `clock` has to be the system's: the waiting is done by poll(2).
-/// What the other end does not read is dropped as a UART would, not kept.
+/// Bytes that the other end does not read are dropped as a UART would, not kept.
 ///
 /// # Errors
 /// When the descriptor fails.

@@ -61,7 +61,7 @@ fn set(kind: LinkKind) -> ThrusterSet {
     set
 }
 
-/// What a Maestro answers to one write in compact protocol: no errors, 1500 us everywhere.
+/// Answers of a Maestro to one write in compact protocol: no errors, 1500 us everywhere.
 fn plain_maestro(bytes: &[u8]) -> Vec<u8> {
     match bytes {
         [GET_ERRORS] => vec![0, 0],

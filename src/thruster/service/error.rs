@@ -1,4 +1,4 @@
-//! What is wrong before a byte is sent.
+//! Errors that are found before a byte is sent.
 
 use crate::link::{Protocol, protocol_for};
 use crate::safety::State;
@@ -6,7 +6,7 @@ use crate::stamped::MAX_CHANNELS;
 use crate::transport::Wire;
 use hydroline_rigs::ThrusterSet;
 
-/// Why the service does not start or take something.
+/// Reason why the service does not start or take something.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum ServiceError {

@@ -2,7 +2,7 @@
 
 use super::{MAX_FRAME, VERSION, crc16};
 
-/// Why a received frame was dropped.
+/// Reason why a received frame was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum FrameError {

@@ -8,14 +8,14 @@ const LIMIT_SD: f64 = 0.01;
 /// Largest difference of an rms, as a share of it.
 const LIMIT_RMS_SHARE: f64 = 1e-3;
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Default)]
 pub struct Judged {
     pub numbers: usize,
     pub identical: usize,
     pub worst_sd: f64,
     pub worst: String,
-    /// What fails.
+    /// Failures, in words.
     pub wrong: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ pub fn same_verdict(name: &str, expected: &Value, found: &Value, into: &mut Judg
     if faults(expected) != faults(found) {
         into.wrong.push(format!("{name}: other faults of the data"));
     }
-    // What the other runs leave of each: to a thousandth of itself, which is far below what any verdict rests on.
+    // Each channel's rms under leave-one-run-out: to a thousandth of itself, which is far below what any verdict rests on.
     let [was, is] = [expected, found].map(|v| &v["leave_one_run_out"]["rms"]);
     for by in ["before", "after"] {
         for (channel, was) in was[by].as_object().into_iter().flatten() {

@@ -25,7 +25,7 @@ type Vector = SVector<f64, PARAMETERS>;
 /// units of the focal length, far beyond real lenses; κ = 0.01 a port at an eighth of the distance.
 const PRIOR_SD: [f64; 8] = [0.3, 0.05, 0.005, 0.005, 0.005, 0.2, 0.2, 0.01];
 
-/// Which of them each model has: none, a lens, a lens and its port, all.
+/// Terms with a prior that each model has: none, a lens, a lens and its port, all.
 const MODELS: [[bool; 8]; 4] = [
     [false; 8],
     [true, false, false, false, false, false, false, true],
@@ -134,7 +134,7 @@ fn evidence(s: &Solved, model: &[bool; 8]) -> Option<f64> {
     Some(-0.5 * (chi2 + s.penalty) - half_det - priors)
 }
 
-/// How a model is fitted: a gain of 1e-5 of χ² is what the evidence of two models would notice by 0.002. The unknowns are
+/// Options of a model's fit: a gain of 1e-5 of χ² is what the evidence of two models would notice by 0.002. The unknowns are
 /// scaled already (plane and image have unit size), and priors hold what nodes do not see.
 const SEARCH: Options = Options {
     iterations_max: 200,

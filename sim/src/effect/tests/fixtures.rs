@@ -1,4 +1,4 @@
-//! What the effects' unit tests share: entries, a vehicle without friction, forces at one state.
+//! Fixtures of the effects' unit tests: entries, a vehicle without friction, forces at one state.
 
 use crate::effect::{EffectStack, Optics};
 use crate::fixture::lshpi_rig;
@@ -102,7 +102,7 @@ pub(in crate::effect) fn force(
     std::array::from_fn(|i| a[i] * mass[i])
 }
 
-/// What the effects add to the force.
+/// Force that the effects add.
 pub(in crate::effect) fn extra(
     entries: &[PhysicsEntry],
     state: State,

@@ -25,7 +25,7 @@ const PHASES_ALONE: usize = 24;
 /// √2π.
 const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
 
-/// What all models are judged on.
+/// Frames, candidates and options that all models are judged on.
 pub(super) struct Data<'a> {
     pub rig: &'a Rig,
     pub base: &'a Base,
@@ -41,15 +41,15 @@ pub(super) struct Data<'a> {
 /// Numbers of a model, in units of their priors.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
-    /// Candidates.
+    /// Candidates in the model, by index.
     pub terms: Vec<usize>,
     /// As the candidates' scales have them.
     pub numbers: Vec<Vec<f64>>,
     pub nuisance: [f64; NUISANCES],
     pub own: Vec<[f64; OWN]>,
-    /// Which size each field has.
+    /// Place of each field's size in the table of sizes.
     pub sizes: [usize; 2],
-    /// What samples may be off beyond noise and floors, far from the mode \[grey levels\].
+    /// Extra sd of the samples beyond noise and floors while the state is far from the mode, else 0 \[grey levels\].
     pub spread_grey: f64,
 }
 
@@ -61,11 +61,11 @@ pub(super) struct Equations {
     /// Half the log determinants of the frames' own.
     pub half_log_own: f64,
     own: Vec<OwnStep>,
-    /// What is left of the samples, over their sds; strays' responsibility beside it.
+    /// Residuals of the samples, each with the probability that it belongs.
     pub left: Vec<Left>,
 }
 
-/// What is left of a sample.
+/// Residual of a sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Left {
     pub on_line: bool,
@@ -73,7 +73,7 @@ pub(super) struct Left {
     pub off: f64,
     /// Variance by noise alone \[grey levels²\].
     pub noise: f64,
-    /// What the floor is counted in.
+    /// Unit of the floor: the stripe's brightness near the sample \[grey levels\]; 1 in the background.
     pub scale: f64,
     /// Probability that it belongs.
     pub belongs: f64,

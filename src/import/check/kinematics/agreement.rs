@@ -10,7 +10,7 @@ pub(super) struct Pair {
     pub coarse: f64,
 }
 
-/// What is compared with what, over many spans.
+/// Means, variances and covariances of the pose's rate and of the measured rate over many spans.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Agreement<'a> {
     pub options: &'a Options,

@@ -1,4 +1,4 @@
-//! What the fields of known kinds of messages are.
+//! Meaning of the fields of known kinds of messages.
 
 use super::super::meaning::{Meaning, meaning};
 use crate::recorded::TopicContents;

@@ -1,4 +1,4 @@
-//! How a coupled case is made.
+//! Makes coupled cases.
 
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::Source;
@@ -57,13 +57,13 @@ impl There {
     }
 }
 
-/// What a case's log holds.
+/// Measurements that a case's log holds.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Instruments {
-    /// Poses.
+    /// Poses at the full rate.
     Poses,
     /// Poses, a fifth as often.
     Slow,
@@ -101,7 +101,7 @@ impl Instruments {
 pub struct CoupledCase {
     /// Number of the case.
     pub index: usize,
-    /// What the logs hold.
+    /// Measurements that the logs hold.
     pub instruments: Instruments,
     /// Logs that the diagnosis sees.
     pub sources: Vec<Source>,
@@ -168,7 +168,7 @@ struct Runs<'a> {
     measured: [Channel; 6],
 }
 
-/// What is measured of all runs in tolerances, end to end; `None` where a motion does not stay finite.
+/// Measured channels of all runs in tolerances, end to end; `None` where a motion does not stay finite.
 fn all(rig: &Rig, runs: &Runs<'_>) -> Result<Option<DVector<f64>>, ProveError> {
     let tolerance = rig.tolerance.channels();
     let mut made = Vec::new();
@@ -295,7 +295,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             .map(|(e, w)| there(e, *w))
             .collect();
         truth.sort_by(|a, b| b.weight_tolerances.total_cmp(&a.weight_tolerances));
-        // What the analyst's rig says: every fourth is off by up to five.
+        // Every fourth of the analyst's rigs is off by up to five.
         let rig_factor = match index % 4 {
             3 => 5f64.powf(between(&mut rng, -1.0, 1.0)),
             _ => 1.0,
@@ -358,7 +358,7 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     }
 }
 
-/// What a log is made of.
+/// Truth and instruments that a log is made from.
 struct Log<'a> {
     water: &'a Rig,
     instruments: Instruments,

@@ -116,7 +116,7 @@ fn off(law: &Composed, knots: &[f64], form: &ClosedForm) -> f64 {
     inner.fold(0.0_f64, |m, g| m.max((g - mean).abs())) / largest
 }
 
-/// What is asked of such a case beside the word.
+/// Adds the requirements of such a case beside the word.
 pub(super) fn ask(case: &Case, made: &Diagnosis, judged: &mut Judged) -> Result<(), ProveError> {
     let Some(ExternalLaw::Composed(law)) = case.key.tank.external_law else {
         return Ok(());

@@ -10,7 +10,7 @@ pub(super) struct Field {
     pub kind: String,
     /// Unit; "" = none.
     pub unit: String,
-    /// What it is.
+    /// Description for the reader; "" = none.
     pub meaning: String,
     /// Whether it is omitted where it says nothing.
     pub optional: bool,
@@ -38,7 +38,7 @@ fn within(path: &str, schema: &Value, about: &str, fields: &mut Vec<Field>) {
         add(below(name), of, "", !always, fields);
     }
     if schema["additionalProperties"].is_object() {
-        // What the map is says what its entries are.
+        // A map's description holds for its entries.
         let about = schema["description"].as_str().unwrap_or(about);
         add(
             below(NAME),
@@ -124,7 +124,7 @@ fn add(path: String, schema: &Value, about: &str, optional: bool, fields: &mut V
     }
 }
 
-/// What a schema may be one of.
+/// Alternatives of a schema: its `anyOf` and `oneOf`.
 fn parts(schema: &Value) -> impl Iterator<Item = &Value> {
     list(schema, "anyOf").chain(list(schema, "oneOf"))
 }
