@@ -125,12 +125,6 @@ fn the_two_run_protocol_is_ambiguous_and_the_next_run_would_split_it() {
     }
 }
 
-/// One of them; it came out wrong as long as every run's rate at the start was free.
-#[test]
-fn case203_in_which_nothing_is_left_out() {
-    come_out_right(&["case203"]);
-}
-
 #[test]
 fn case107_in_which_effects_are_left_out() {
     come_out_right(&["case107"]);
