@@ -1,4 +1,4 @@
-//! Which commit the binary is built from, for `--version` and the head of every log.
+//! Commit that the binary is built from, for `--version` and the head of every log.
 //!
 //! Sets `HYDROLINE_BUILD_COMMIT` (12 hexadecimal digits, or `unknown`) and `HYDROLINE_BUILD_DIRTY` (`true`, `false`,
 //! `unknown`) for this package alone: the rooms get it by injection, and a commit makes none of them anew.
@@ -15,7 +15,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What a packager may set.
+/// Environment variable in which a packager may name the commit.
 const GIVEN: &str = "HYDROLINE_COMMIT";
 const UNKNOWN: &str = "unknown";
 /// Digits of a commit that are said: enough for a million commits.
@@ -54,7 +54,7 @@ pub struct State {
     pub watched: Vec<PathBuf>,
 }
 
-/// What the packager says; nothing unless it is a commit.
+/// Commit and dirty flag that the packager gives; `None` unless it is a commit.
 pub fn given_by_packager(text: &str) -> Option<State> {
     let (commit, dirty) = match text.trim().strip_suffix("-dirty") {
         Some(commit) => (commit, true),
@@ -68,7 +68,7 @@ pub fn given_by_packager(text: &str) -> Option<State> {
     })
 }
 
-/// What git says of the checkout whose top is `root`.
+/// State of the checkout whose top is `root`, as git gives it.
 pub fn of_checkout(root: &Path) -> Option<State> {
     // Sources unpacked inside somebody else's checkout are not of that one's commit.
     let top = PathBuf::from(git(root, &["rev-parse", "--show-toplevel"])?);
@@ -106,7 +106,7 @@ pub fn of_checkout(root: &Path) -> Option<State> {
     })
 }
 
-/// What the binary is made of, relative to `root`: the folders that are crates, the facade, manifests and toolchain.
+/// Paths that the binary is made of, relative to `root`: the folders that are crates, the facade, manifests and toolchain.
 fn sources(root: &Path) -> Vec<String> {
     let crates_in = |folder: &str| -> Vec<String> {
         let entries = std::fs::read_dir(root.join(folder)).into_iter().flatten();

@@ -297,7 +297,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         worst = worst.max(ms);
         println!("{name:20} detection, gauge blocks and update {ms:5.2}   ({gap})");
     }
-    // What every frame costs before the board comes, over all kinds of floors and clutter.
+    // Every frame costs this before the board comes, over all kinds of floors and clutter.
     for kind in ["lines", "dots", "chessboard"] {
         let board = board(kind);
         let mut slowest = (0.0, 0.0, "");

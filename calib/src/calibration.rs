@@ -15,21 +15,18 @@ use crate::plane::{Fan, ImageSize, PlaneMap};
 use board_map::{BoardMap, NoMap};
 pub use board_map::{NodeResidual, Placement};
 
-/// What is wrong with a calibration file.
+/// Error of a calibration file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CalibError {
-    /// The file cannot be read at all.
     #[error("{file}: {reason}; check the path, or write a calibration with `hydroline calibrate`")]
     NoFile { file: String, reason: String },
-    /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{file}: not a calibration file: {reason}. Write a new one with `hydroline calibrate`")]
     Unreadable {
         file: String,
         /// The parser's words, with line.
         reason: String,
     },
-    /// A number that no camera or board can have.
     #[error(
         "{file}: {key} is {value}, but must be {allowed}. Calibrate again, or restore the file"
     )]
@@ -39,12 +36,11 @@ pub enum CalibError {
         value: f64,
         allowed: &'static str,
     },
-    /// The calibration could not be written as TOML.
     #[error("the calibration cannot be written: {reason}")]
     Unwritable { reason: String },
 }
 
-/// What the light passed through when the map was made.
+/// Medium that the light passed through when the map was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Medium {
@@ -67,7 +63,7 @@ impl Medium {
     }
 }
 
-/// How well a map fits the nodes it was made from.
+/// Fit of a map to the nodes it was made from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Residuals {
@@ -161,7 +157,7 @@ pub struct Calibration {
     /// Board it was made with.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub board: Option<String>,
-    /// What was still missing when it was written, in words; empty = it was accepted.
+    /// Requirements not yet met when it was written, in words; empty = it was accepted.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
     /// Images it holds for: a map of another size or crop is another map. `None`: from before sizes were kept.
@@ -178,7 +174,7 @@ pub struct Calibration {
     pub coplanarity: Option<Coplanarity>,
     /// Method and parameters.
     pub map: MapParameters,
-    /// What the map leaves at each node.
+    /// Residual of the map at each node.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nodes: Vec<NodeResidual>,
 }

@@ -222,7 +222,7 @@ fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
     best
 }
 
-/// What one size of the image shows of a lattice.
+/// Lattice in one size of the image, all candidates there, and those that it did not use.
 type Coarse = (Lattice, Vec<Candidate>, Rest);
 
 fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) -> Option<Seen> {
@@ -334,7 +334,7 @@ fn coarse(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Coarse> {
     if lattice.nodes.len() < fewest(board) || ni.min(nj) < 3 {
         return None;
     }
-    // What lies inside the lattice (key discs, squares) is part of it.
+    // Candidates inside the lattice (key discs, squares) are part of it.
     let hull = crate::map::Region::hull(lattice.nodes.values().map(|&n| candidates[n].position));
     let mut used: Vec<bool> = candidates
         .iter()

@@ -14,7 +14,7 @@ use hydroline_rigs::{Board, BoardPattern, SlabOutline, Target};
 
 use crate::board;
 
-/// Which layer a shape belongs to.
+/// Layer of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layer {
     /// Outer shapes: cut or mill.
@@ -58,7 +58,7 @@ pub enum Shape {
 /// A drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sheet {
-    /// Title.
+    /// Title, for a file's metadata and the foot of its pages.
     pub title: String,
     /// Width and height \[mm\].
     pub size_mm: [f64; 2],

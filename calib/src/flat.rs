@@ -22,7 +22,7 @@ pub use steady::Unsteady;
 
 use hydroline_rigs::StatedResponse;
 
-/// What an exposure series must be like.
+/// Requirements on an exposure series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
     /// Fewer frames of an exposure do not determine its noise.
@@ -90,11 +90,11 @@ pub struct Flat {
     pub blocks: [usize; 2],
     /// Share by which each exposure that was used is brighter than by its exposure time, by name.
     pub off_times: Vec<(String, f64)>,
-    /// What a person should know of it.
+    /// Remarks for the user, e.g. an exposure that was left out.
     pub remarks: Vec<String>,
 }
 
-/// What of the levels is no power of light.
+/// Deviation of the levels from a power of light.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Deviation {
     /// Root mean square over the levels \[grey levels\].
@@ -109,7 +109,7 @@ pub struct Deviation {
 
 /// Why a series gives no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FlatError {
     #[error(
         "{exposures} exposures of different times; at least {least} are needed: fewer cannot contradict each other. Record the same scene at 5 to 8 exposure times, each twice the one before"
@@ -133,7 +133,6 @@ pub enum FlatError {
     },
     #[error("{name}: {what}")]
     Unsteady { name: String, what: Unsteady },
-    /// Too little between floor and ceiling.
     #[error(
         "{blocks} places of the picture are seen between floor and ceiling under two exposures or more, over {span:.0} grey levels; {blocks_least} over {span_least:.0} are needed: choose a scene of many brightnesses, exposures that reach from dark to clipped, each at most three times the one before"
     )]
@@ -151,12 +150,10 @@ pub enum FlatError {
         "{:.0} % of the picture changed between exposures by more than its noise (at most {:.0} % may): camera, scene or light moved. Fix the camera, keep people and reflections out, and record again", 100.0 * share, 100.0 * most
     )]
     Moved { share: f64, most: f64 },
-    /// Levels do not follow the time.
     #[error(
         "{name}: light is {:+.0} % off what its exposure time says beside the others (at most {:.0} % may be): auto exposure, auto gain or auto white balance is on, the lamp changed, or the time is wrong. Set the camera's controls to manual, or leave this exposure out", 100.0 * share, 100.0 * most
     )]
     OffTime { name: String, share: f64, most: f64 },
-    /// Levels hardly follow the times at all.
     #[error(
         "grey levels follow the exposure time by a power of about {gamma:.2}; cameras have 0.2 to 5: auto exposure or auto gain is on, or the times are wrong. Set the camera's controls to manual and record again"
     )]
@@ -180,7 +177,7 @@ pub enum FlatError {
 }
 
 impl Flat {
-    /// What a rig states of it.
+    /// The response as a rig states it.
     pub fn stated(&self, source: String) -> StatedResponse {
         // As many digits as the sds have meaning for.
         let digits = |value: f64, sd: f64| {

@@ -127,7 +127,7 @@ impl Method {
 
 /// Why no map could be made of the nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum MapError {
     #[error(
         "{found} nodes are too few for `{method}`, which needs {needed}; show more of the board"
@@ -137,7 +137,6 @@ pub enum MapError {
         found: usize,
         needed: usize,
     },
-    /// A node with numbers that cannot be.
     #[error(
         "node {index} at pixel ({column_px}, {row_px}) has a coordinate or covariance that is not a sound number"
     )]
@@ -146,15 +145,12 @@ pub enum MapError {
         column_px: f64,
         row_px: f64,
     },
-    /// The nodes do not lie on a grid of lines.
     #[error(
         "the nodes lie on {columns} longitudes and {rows} latitudes with enough nodes each; a grid map needs at least 3 of both"
     )]
     NotAGrid { columns: usize, rows: usize },
-    /// All nodes on a line, or on top of each other.
     #[error("the nodes lie on one line or on top of each other; they do not span the sheet")]
     Degenerate,
-    /// The refractive map needs approximate camera parameters.
     #[error(
         "`refractive` needs an approximate focal length, port and water index (rig file: camera, port); none was given"
     )]

@@ -23,7 +23,7 @@ use crate::detect::{Detection, Orientation};
 use crate::map::{FitOptions, FittedMap, Method, Node, fit};
 use crate::{Calibration, Medium, Residuals};
 
-/// What the calibration must reach.
+/// Requirements on the calibration, and options of its fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OnlineOptions {
     /// Map to fit.
@@ -74,7 +74,7 @@ pub struct Status {
     pub own_sd_m: Option<f64>,
     /// Board against sheet, in words.
     pub gap: Option<String>,
-    /// What is still missing, in words; empty when accepted.
+    /// Requirements not yet met, in words; empty when accepted.
     pub missing: Vec<String>,
     /// The calibration meets the tolerance.
     pub accepted: bool,
@@ -89,7 +89,7 @@ struct Average {
     frames: u32,
 }
 
-/// What no number of frames averages away \[px\]: blur, lens and light act on every frame alike.
+/// Standard deviation that no number of frames averages away \[px\]: blur, lens and light act on every frame alike.
 const FLOOR_PX: f64 = 0.01;
 /// A median move of more than this \[px\] is a board that moved.
 const MOVED_PX: f64 = 0.5;

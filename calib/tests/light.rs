@@ -1,7 +1,7 @@
 //! Boards as real cameras see them: through a tone curve, mirrored, half covered. Found and measured, or
 //! refused with the right reason; honest about both.
 //!
-//! A small share every day; the tables: `LIGHT_VIEWS=40 cargo test -p hydroline-calib --test light -- --ignored
+//! A small share every day; the table over tone curves: `LIGHT_VIEWS=40 cargo test -p hydroline-calib --test light -- --ignored
 //! --nocapture`, `LIGHT_KIND=chess-25` for one board, `LIGHT_WORST=1` names the views that do worst.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -14,7 +14,6 @@ use hydroline_calib::detect::{Detection, Grey, NotFound, Orientation, detect};
 use hydroline_calib::online::{OnlineCalibration, OnlineOptions};
 use hydroline_rigs::Board;
 use light::views::{Covered, KINDS, Tally, board, covered, flipped, judge, number, view};
-use std::collections::BTreeMap;
 use synthetic::{Scene, Tone, View, render};
 
 fn look(board: &Board, pixels: &[u8]) -> Result<Detection, NotFound> {
@@ -182,7 +181,7 @@ fn without_a_key_nobody_can_tell_that_the_image_is_mirrored() {
     assert_eq!(found.orientation, Orientation::UprightAssumed);
 }
 
-/// What became of a covered board, in words to be counted; those that are wrong are in capitals.
+/// Outcome of a covered board, in words to be counted; wrong ones are in capitals.
 fn judge_covered(c: &Covered) -> String {
     let (board, of) = (
         &c.shot.board,
@@ -231,36 +230,6 @@ fn a_half_covered_board_says_so_or_calibrates_the_rest() {
                 !words.chars().any(|c| c.is_ascii_uppercase()),
                 "{kind} {seed}: {words}"
             );
-        }
-    }
-}
-
-#[test]
-#[ignore = "hundreds of images"]
-fn table_of_mirrored_and_covered_views() {
-    for kind in KINDS.into_iter().filter(|k| chosen(k)) {
-        let (mut mirrored, mut hidden) = (BTreeMap::new(), BTreeMap::new());
-        for seed in 0..number("LIGHT_VIEWS", 40.0) as u64 {
-            let shot = view(kind, seed, gamma(seed, CURVES));
-            let words = match look(&shot.board, &flipped(&shot.pixels, seed % 2 == 0)) {
-                Err(NotFound::Mirrored { .. }) => "refused as mirrored".to_owned(),
-                Err(other) => format!("WRONG REASON {other}"),
-                Ok(d) => format!("ACCEPTED {:?}", d.orientation),
-            };
-            let of: &mut Vec<u64> = mirrored.entry(words).or_default();
-            of.push(seed);
-            let words = judge_covered(&covered(kind, seed, gamma(seed, CURVES)));
-            let of: &mut Vec<u64> = hidden.entry(words).or_default();
-            of.push(seed);
-        }
-        for (name, counts) in [("mirrored", mirrored), ("covered", hidden)] {
-            for (words, seeds) in &counts {
-                println!(
-                    "{kind} {name}: {} {words} {:?}",
-                    seeds.len(),
-                    &seeds[..seeds.len().min(8)]
-                );
-            }
         }
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// Configuration, written by people: rigs, plans, boards, targets, maps of tables.
 pub const CONFIG_BYTES: u64 = 1 << 20;
-/// What hydroline writes for itself to read again (calibrations with their maps, results), and small tables of readings.
+/// Files that hydroline writes to read again (calibrations with their maps, results), and small tables of readings.
 pub const RESULT_BYTES: u64 = 64 << 20;
 /// A table from something that has no size of its own: a pipe or a device.
 pub const STREAM_BYTES: u64 = 1 << 30;

@@ -31,5 +31,5 @@ pub(crate) fn files(kind: &str) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-/// What `hydroline rig new` writes.
+/// Output of `hydroline rig new`.
 pub(crate) const TEMPLATE: &str = include_str!("../template.toml");

@@ -51,7 +51,7 @@ table! {
 
 /// Folder of the stable names of cameras.
 const FOLDER: &str = "/dev/v4l/";
-/// What a camera's name must be.
+/// Expected form of a camera's name, for messages.
 const DEVICE: &str = "a text: the camera's stable name, `/dev/v4l/by-id/…` or `/dev/v4l/by-path/…`";
 
 const fn focal() -> Quantity {
@@ -115,7 +115,7 @@ table! {
         pub frozen_after_s: f64 = number(0.01, 600.0, "s").later("3 frame periods, at least 0.5"),
         /// Noise of the simulated image.
         pub noise: ImageNoise = table_or_defaults(),
-        /// What is known of the real camera's response; `None` = a run's opening finds it. The simulated image does not
+        /// Response of the real camera, where it is known; `None` = a run's opening finds it. The simulated image does not
         /// go by it.
         pub response: Option<StatedResponse> = table().optional(),
         /// Controls to set and lock.

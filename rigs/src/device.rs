@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::raw::Section;
 
-/// How a V4L2 device is found again after an unplug.
+/// Identity by which a V4L2 device is found again after an unplug.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DeviceIdentity {
     /// `/dev/v4l/by-id/<name>` (or, without udev, matched against sysfs vendor/product/serial).
@@ -15,7 +15,7 @@ pub enum DeviceIdentity {
     Node(PathBuf),
 }
 
-/// What to do about a `/dev/videoN` or `/dev/ttyX`: the number is handed out in the order of plugging in, so after a
+/// Advice on a `/dev/videoN` or `/dev/ttyX`: the number is handed out in the order of plugging in, so after a
 /// replug it may be another device.
 const UNSTABLE_NEXT: &str = "Run `hydroline devices` and enter the stable name it prints, \
      or set `allow_unstable_node = true` beside it to accept whatever device has that number";

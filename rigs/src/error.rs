@@ -1,4 +1,4 @@
-//! What can be wrong with a rig, target, board or plan file.
+//! Errors of rig, target, board and plan files.
 //!
 //! A file is read to its end before anything is reported, so one run shows every
 //! mistake in it; each [`Problem`] says where, what was typed, what is allowed and
@@ -8,33 +8,27 @@ use std::fmt;
 
 /// Why a file did not become a rig, target, board or plan.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RigError {
-    /// The file could not be read at all.
     #[error("{file}: cannot be read: {reason}. {next}")]
     Unreadable {
-        /// Path as given.
         file: String,
-        /// What the operating system said, or why the content was refused.
+        /// The operating system's message, or why the content was refused.
         reason: String,
-        /// What to do.
         next: String,
     },
-    /// The file was read and these things in it are wrong (at least one).
     #[error("{}", list(.problems))]
     Invalid {
         /// All of them, in the order of the file.
         problems: Vec<Problem>,
     },
-    /// Neither a file nor a built-in of that name.
     #[error("no {kind} file and no built-in {kind} is called {name:?}{}. Give a path to a file or one of: {}", suggest(.suggestion), .known.join(", "))]
     UnknownName {
         /// `rig`, `plan`, `target` or `board`.
         kind: &'static str,
-        /// Name as typed.
         name: String,
         /// Nearest built-in name, when one is near.
         suggestion: Option<String>,
-        /// The built-in names.
         known: Vec<&'static str>,
     },
 }
@@ -58,7 +52,7 @@ pub struct Problem {
     pub line: Option<usize>,
     /// Key path, entries of lists counted from 0: `thruster[2].curve[3]`. Empty for the file as a whole.
     pub key: String,
-    /// What is wrong.
+    /// Kind of problem, with its message.
     pub kind: ProblemKind,
 }
 
@@ -75,65 +69,46 @@ impl fmt::Display for Problem {
     }
 }
 
-/// What is wrong with a key or a value.
+/// Kind of problem with a key or a value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProblemKind {
-    /// Not TOML.
     #[error(
         "not valid TOML: {message}. Mend the syntax at that line; the other checks run once it parses"
     )]
-    Syntax {
-        /// The parser's words.
-        message: String,
-    },
-    /// A key nobody reads.
+    Syntax { message: String },
     #[error("unknown key{}. Allowed here: {}", suggest(.suggestion), .allowed.join(", "))]
     UnknownKey {
-        /// Nearest allowed key.
         suggestion: Option<String>,
         /// Every key allowed in this table.
         allowed: Vec<String>,
     },
-    /// A key or table that must be there.
     #[error("missing. Add {expected}")]
-    Missing {
-        /// What to add.
-        expected: String,
-    },
-    /// A value of the wrong type.
+    Missing { expected: String },
     #[error("is {typed}, but must be {expected}")]
     WrongType {
-        /// Value as typed.
         typed: String,
-        /// What is expected, with unit.
+        /// Expected content, with unit.
         expected: String,
     },
-    /// A number outside its range, or not finite.
     #[error("is {typed}, but must be {allowed}{hint}")]
     OutOfRange {
-        /// Value as typed.
         typed: String,
         /// Allowed range with unit.
         allowed: String,
         /// Extra advice, empty or starting with `. `.
         hint: String,
     },
-    /// A word that is not one of the list.
     #[error("is {typed}, but must be one of {}{}", .allowed.join(", "), suggest(.suggestion))]
     NotOneOf {
-        /// Value as typed.
         typed: String,
-        /// The words allowed.
         allowed: Vec<String>,
-        /// Nearest of them.
         suggestion: Option<String>,
     },
-    /// Values that each are fine but break a rule together.
     #[error("{what}. {next}")]
     Rule {
         /// The rule that is broken, with the values.
         what: String,
-        /// What to do.
         next: String,
     },
 }

@@ -6,7 +6,7 @@ use crate::Dof;
 use crate::error::{ProblemKind, nearest};
 use crate::raw::{Item, Section, list, number, one, rows};
 
-/// What is rounding in a covariance that went through files and inverses, as a share of the sds concerned.
+/// Rounding in a covariance that went through files and inverses, as a share of the sds concerned.
 const ROUNDING: f64 = 1e-6;
 
 table! {
@@ -53,7 +53,7 @@ fn is_covariance(typed: &mut IdentifiedTyped, s: &Section<'_>) {
     }
 }
 
-/// What the names must be.
+/// Expected form of the list of names, for messages.
 const NAMES: &str = "the list of coefficients, e.g. [\"x_udot\", \"x_u\"]";
 
 /// Names of coefficients: each one there is, none twice.

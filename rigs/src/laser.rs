@@ -22,7 +22,7 @@ table! {
         ///
         /// Off for the paper's tables and the cases.
         pub shadows: bool = flag().or(false),
-        /// How the line runs in the image: along rows (horizontal) only, for calibration and poses.
+        /// Direction of the line in the image: along rows (horizontal) only, for calibration and poses.
         key orientation: bool = words([("horizontal", false), ("vertical", true)]).or_said(false, "horizontal").quiet()
             => |_| None,
         /// Channel of a colour camera that the grey levels are taken from: the laser's colour.

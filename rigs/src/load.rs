@@ -82,7 +82,7 @@ impl Rig {
         built_in("rig", name, |text, name| Rig::from_toml(text, name, None))
     }
 
-    /// What `--rig` takes: the path of a file or the name of a built-in rig.
+    /// Loads the rig that `--rig` names: the path of a file or the name of a built-in rig.
     ///
     /// # Errors
     /// As [`Rig::load`] and [`Rig::builtin`].
@@ -111,7 +111,7 @@ impl Rig {
     }
 }
 
-/// What plans, targets and boards have in common.
+/// Functions that plans, targets and boards have in common.
 macro_rules! of_files {
     ($name:ident, $kind:literal, $option:literal) => {
         impl $name {
@@ -123,7 +123,7 @@ macro_rules! of_files {
                 load(path, $name::from_toml)
             }
 
-            #[doc = concat!("What ", $option, " takes: the path of a file or the name of a built-in ", $kind, ".")]
+            #[doc = concat!("Value of ", $option, ": the path of a file or the name of a built-in ", $kind, ".")]
             ///
             /// # Errors
             /// As `load`; [`RigError::UnknownName`] for a name that is not built in.

@@ -216,17 +216,17 @@ impl PixelFormat {
     }
 }
 
-/// What of the light the grey image is.
+/// Part of the light that the grey image shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Channel {
     /// Brightness: the camera's own luma, or Rec. 709's weights over red, green and blue.
     #[default]
     Luma,
-    /// Red.
+    /// Red channel of a colour camera.
     Red,
-    /// Green.
+    /// Green channel of a colour camera.
     Green,
-    /// Blue.
+    /// Blue channel of a colour camera.
     Blue,
 }
 
@@ -266,10 +266,10 @@ impl YuvRange {
     }
 }
 
-/// How grey levels come out of a frame: one rule for all frames of a stream, never guessed from a frame.
+/// Rule by which grey levels come out of a frame: one for all frames of a stream, never guessed from a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GreyRule {
-    /// What of the light.
+    /// Channel that becomes the grey level.
     pub channel: Channel,
     /// Bits that samples of 16 really have, right-aligned; `None` = what the format says.
     pub bits: Option<u8>,

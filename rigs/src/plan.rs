@@ -12,10 +12,10 @@ use crate::raw::{Kind, Section, angle, is_name, keys_of, name, number, spellings
 use load::Load;
 
 shapes! {
-    /// How the load goes over the step: constant, in a line from that of the step before, as a sine, or as a sine of
+    /// Course of the load over the step: constant, in a line from that of the step before, as a sine, or as a sine of
     /// rising or falling frequency.
     pub enum Shape: Copy by "shape" or "hold" {
-        /// Constant.
+        /// Constant load.
         Hold = "hold",
         /// Linear from the previous step's final load to this one.
         Ramp = "ramp",
@@ -39,7 +39,7 @@ shapes! {
 table! {
     /// A step: a load that the thrusters make for a time. At least one; each has `wrench` or `thrust_n`.
     pub struct PlanStep as StepTyped, checked by foreign_keys {
-        /// How long the step lasts.
+        /// Duration of the step.
         pub for_s: f64 = number(0.0, 86_400.0, "s").above(),
         /// Shape over the step.
         pub shape: Shape = keys_of(),
@@ -77,7 +77,7 @@ table! {
     pub struct Plan as PlanTyped, checked by ramps {
         /// Name of the plan.
         pub name: String = name().later("the file's name"),
-        /// Steps.
+        /// Steps of the plan.
         key step: Vec<PlanStep> = tables(10_000) => |p| Some(p.steps.clone()),
         /// Steps in order; after the last the load is zero.
         made steps: Vec<PlanStep>,

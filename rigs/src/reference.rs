@@ -20,7 +20,7 @@ pub struct Key {
     pub meaning: String,
 }
 
-/// What happens when a key is left out.
+/// Meaning of a key that is left out.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Default {
     /// The file is refused.
@@ -36,7 +36,7 @@ pub enum Default {
 pub struct Table {
     /// Its head as written, `[camera]`; of several tables with the same keys all heads.
     pub heads: Vec<String>,
-    /// What it describes: the first paragraph of the doc comment of its struct.
+    /// Meaning: the first paragraph of the doc comment of its struct.
     pub meaning: String,
     /// Its keys.
     pub keys: Vec<Key>,
@@ -97,7 +97,7 @@ impl Described<'_> {
         });
     }
 
-    /// What the key added last is when it is left out; `None` = nothing. Of tables their own words say it.
+    /// Sets the default of the key added last; `None` = nothing is assumed. Of tables their own words say it.
     pub(crate) fn left_out_is(&mut self, said: Option<&str>) {
         let key = self.tables[self.at].keys.last_mut();
         if let Some(key) = key.filter(|_| self.last_is_key) {

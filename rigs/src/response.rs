@@ -6,10 +6,10 @@ use crate::raw::{Kind, Section, Writer, number, text, whole};
 const SOURCE_MOST: usize = 400;
 
 table! {
-    /// What is known of the camera's response, g = b + 255 (L/255)^γ with L = light and g = grey level; `hydroline flat`
+    /// Response of the camera, where it is known: g = b + 255 (L/255)^γ with L = light and g = grey level; `hydroline flat`
     /// measures it. Omitted: the first frames of each run over the target find it.
     ///
-    /// Shading is not among it: along the line it looks like a laser whose fan is uneven, which no flat frame shows, so a
+    /// Shading is not part of it: along the line it looks like a laser whose fan is uneven, which no flat frame shows, so a
     /// pose leaves both free together whatever is known of the one.
     pub struct StatedResponse as ResponseTyped, checked by goes_together {
         /// Exponent γ; 1 = the camera is linear.

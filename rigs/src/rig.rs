@@ -33,7 +33,7 @@ table! {
         pub port: Option<FlatPort> = table().optional(),
         /// File of the target, counted from the rig's folder, or a built-in one. Instead of `name` and `[[target.slab]]`.
         ///
-        /// What lies on the tank floor; `None` = bare floor.
+        /// Target on the tank floor; `None` = bare floor.
         pub target: Option<Target> = included(|target: &mut Target, place: Placement| target.place(place)).optional(),
         /// File of the board, counted from the rig's folder, or a built-in one. Instead of all other keys.
         ///
@@ -52,7 +52,7 @@ table! {
         pub tank: Tank = table(),
         /// Where the vehicle may go during a run.
         pub limits: Limits = table().by_check(),
-        /// What size of misfit matters.
+        /// Sizes above which a misfit is practically significant.
         pub tolerance: Tolerance = table_or_defaults(),
         /// Logging limits.
         pub log: LogSettings = table_or_defaults(),
@@ -85,7 +85,7 @@ fn across_tables(typed: &mut RigTyped, root: &Section<'_>) {
 }
 
 impl Rig {
-    /// How grey levels come out of this rig's frames.
+    /// Rule by which grey levels come out of this rig's frames.
     pub fn grey_rule(&self) -> GreyRule {
         GreyRule {
             channel: self.laser.channel,

@@ -7,7 +7,7 @@ const fn length() -> Quantity {
     number(-1000.0, 1000.0, "m")
 }
 
-/// What to add where a wall is missing.
+/// Meaning of `x_m` and `y_m`, for messages about them.
 const WALLS: &str = "where the walls of the tank stand, in m";
 
 table! {
@@ -104,7 +104,7 @@ pub(crate) fn read_limits(s: &Section<'_>, tank: Option<&Tank>) -> Option<Limits
 }
 
 table! {
-    /// What size of misfit (root mean square) is practically significant.
+    /// Sizes (root mean square) above which a misfit is practically significant.
     pub struct Tolerance: Copy as ToleranceTyped {
         /// Of a position.
         pub position_m: f64 = number(0.0, 10.0, "m").above().or(0.002),
@@ -132,7 +132,7 @@ impl Tolerance {
 const MIB: u64 = 1 << 20;
 
 table! {
-    /// What the log may use.
+    /// Sizes, intervals and compression of the log.
     pub struct LogSettings: Copy as LogTyped, checked by sizes {
         /// Size of the queue between capture and writer; beyond it new frames are dropped and counted.
         pub queue_bytes: u64 = whole(1 << 20, 1 << 40, "bytes").or(256 * MIB),

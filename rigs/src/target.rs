@@ -1,4 +1,4 @@
-//! What lies on the floor (target) and what stands in the sheet (calibration board).
+//! Target on the tank floor, and calibration board in the laser sheet.
 
 mod board;
 mod polygon;
@@ -87,7 +87,7 @@ table! {
 }
 
 table! {
-    /// What lies on the floor, written out or by `file`; `target = "FILE"` is the same as `file` alone. A target file has
+    /// Target on the tank floor, written out or by `file`; `target = "FILE"` is the same as `file` alone. A target file has
     /// the same keys without the word target. Omitted: a bare floor.
     ///
     /// Where several slabs overlap the highest counts.
@@ -95,9 +95,9 @@ table! {
         /// Name of the target.
         pub name: String = name(),
         key placement: Placement = keys_of() => |t| Some(t.placement()),
-        /// Layers.
+        /// Slabs of the target.
         key slab: Vec<Slab> = tables(256) => |t| Some(t.slabs.clone()),
-        /// Layers.
+        /// Slabs of the target.
         made slabs: Vec<Slab>,
         /// Position of the target's origin in the tank frame: X, Y \[m\] and its heading \[rad\].
         made origin: [f64; 3],

@@ -21,7 +21,7 @@ const fn pulse() -> Quantity {
 }
 
 table! {
-    /// What all thrusters have in common.
+    /// Settings that all thrusters share.
     pub struct ThrusterSet as SetTyped, checked by pulses_in_order {
         /// Pulse width that means no thrust. Between `min_us` and `max_us`.
         pub neutral_us: f64 = pulse().or(1500.0),

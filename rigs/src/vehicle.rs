@@ -19,7 +19,7 @@ pub enum Dof {
     Yaw,
 }
 
-/// Which equations of motion.
+/// Equations of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VehicleModel {
     /// The full Eq. 1 with its Coriolis terms.
@@ -112,7 +112,7 @@ table! {
         /// Equations: Eq. 1 of the paper with its Coriolis terms, or six independent equations of one degree of freedom.
         pub model: VehicleModel = words([("eq1", VehicleModel::Eq1), ("decoupled", VehicleModel::Decoupled)])
             .or_said(VehicleModel::Eq1, "eq1"),
-        /// Mass.
+        /// Mass of the vehicle.
         pub mass_kg: f64 = number(0.0, 1e6, "kg").above(),
         /// Moments of inertia I_x, I_y, I_z about the CG.
         pub inertia_kgm2: [f64; 3] = numbers(number(0.0, 1e9, "kg m2").above()),

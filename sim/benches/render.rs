@@ -3,9 +3,12 @@
 //! `cargo bench -p hydroline-sim`; `RAYON_NUM_THREADS=1` for one core.
 
 use divan::{Bencher, counter::ItemsCount};
-use hydroline_sim::fixture::lshpi_rig;
+use fixture::lshpi_rig;
 use hydroline_sim::scene::Pose6;
 use hydroline_sim::{Renderer, World};
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 fn main() {
     divan::main();
@@ -65,7 +68,7 @@ fn profile_truth(bencher: Bencher) {
     let mut frame = 0;
     bencher.counter(ItemsCount::new(1usize)).bench_local(|| {
         frame += 1;
-        renderer.profile_truth(&pose(frame))
+        renderer.profile_truth(&pose(frame).into())
     });
 }
 

@@ -13,7 +13,7 @@ use crate::real::Real;
 /// A real number with its derivatives with respect to `N` independent variables.
 #[derive(Debug, Clone, Copy)]
 pub struct Dual<const N: usize> {
-    /// Value.
+    /// Value of the number.
     pub value: f64,
     /// Partial derivatives.
     pub slope: [f64; N],

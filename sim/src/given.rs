@@ -1,4 +1,4 @@
-//! What is given instead of simulated: DOFs whose motion was measured, and what was measured beside the motion.
+//! Series given instead of simulated: DOFs whose motion was measured, and companions measured beside the motion.
 //!
 //! Series are curves that a smoother made; here they are only looked up. A curve takes any scalar as its time, so that what
 //! is seen at a delayed instant carries the delay's derivative.
@@ -72,7 +72,7 @@ impl Curve {
     }
 }
 
-/// What is given in one run.
+/// Given series of one run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Given {
     /// Rate in the body frame of each DOF that is given.

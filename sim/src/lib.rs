@@ -24,7 +24,9 @@
 
 pub mod dual;
 pub mod effect;
-pub mod fixture;
+#[cfg(test)]
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 pub mod given;
 pub mod model;
 pub mod real;

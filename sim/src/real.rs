@@ -54,11 +54,11 @@ pub trait Real:
         sum
     }
 
-    /// 0.
+    /// The number 0.
     fn zero() -> Self {
         Self::from_f64(0.0)
     }
-    /// 1.
+    /// The number 1.
     fn one() -> Self {
         Self::from_f64(1.0)
     }

@@ -77,46 +77,26 @@ impl From<[f64; 6]> for Pose6 {
 
 /// A rig that cannot be rendered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SceneError {
-    /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// A number out of its range.
     #[error("{what} = {value}; it must lie in {low} .. {high}")]
     Range {
         /// Which number, with its unit.
         what: &'static str,
-        /// Its value.
         value: f64,
-        /// Lowest allowed.
         low: f64,
-        /// Highest allowed.
         high: f64,
     },
-    /// An outline that encloses nothing.
     #[error("target slab \"{slab}\": its outline {reason}")]
-    Outline {
-        /// Slab.
-        slab: String,
-        /// What is wrong.
-        reason: &'static str,
-    },
-    /// A board that is no board.
+    Outline { slab: String, reason: &'static str },
     #[error("board \"{board}\": {what} = {value}; it must be positive and finite")]
     Board {
-        /// Board.
         board: String,
-        /// Which number.
         what: &'static str,
-        /// Its value.
         value: f64,
     },
-    /// Too many slabs.
     #[error("the target has {slabs} slabs, at most {limit} can be rendered; merge some")]
-    TooManySlabs {
-        /// Slabs of the target.
-        slabs: usize,
-        /// Limit.
-        limit: usize,
-    },
+    TooManySlabs { slabs: usize, limit: usize },
 }

@@ -20,45 +20,27 @@ pub const GRID_STEP_S: f64 = 0.005;
 /// Nodes kept for late commands and for looking back (camera latency): 10 s of grid and more.
 const NODES_KEPT: usize = 4096;
 
-/// What can go wrong along a trajectory.
+/// Error along a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum TrajectoryError {
-    /// A time or a load is NaN or infinite.
     #[error("{what} is {value}; it must be finite")]
-    NotFinite {
-        /// Which number.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// Older than what is kept.
+    NotFinite { what: &'static str, value: f64 },
     #[error(
         "{what} at {t_s:.3} s lies before the oldest kept state at {oldest_s:.3} s; ask or command in (roughly) increasing time"
     )]
     TooOld {
         /// `query` or `command`.
         what: &'static str,
-        /// Its time \[s\].
         t_s: f64,
-        /// Oldest time still known \[s\].
         oldest_s: f64,
     },
-    /// The state grew without bounds or the pitch passed 90 deg.
     #[error(
         "the simulated state is not finite at t = {t_s:.3} s (theta was {theta_rad:.3} rad before): check coefficients (all negative), effects and loads; Euler angles end at +-pi/2"
     )]
-    Diverged {
-        /// Time of the first bad state \[s\].
-        t_s: f64,
-        /// Last good pitch \[rad\].
-        theta_rad: f64,
-    },
-    /// The grid is not a positive time.
+    Diverged { t_s: f64, theta_rad: f64 },
     #[error("integration step {step_s} s; it must lie in 1e-5 .. 0.1 s")]
-    Step {
-        /// The step asked for \[s\].
-        step_s: f64,
-    },
+    Step { step_s: f64 },
 }
 
 #[derive(Debug, Clone, Copy)]

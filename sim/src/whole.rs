@@ -1,6 +1,6 @@
 //! All six DOFs of the model along one run, from stamp to stamp.
 //!
-//! What [`crate::single`] is for one DOF: steps never span a command edge, a law's own edge or a stamp, and all three may
+//! Counterpart of [`crate::single`] for six DOFs: steps never span a command edge, a law's own edge or a stamp, and all three may
 //! carry derivatives. [`crate::trajectory`] answers in any order and takes late commands; this goes through once and
 //! keeps nothing, at half of its cost.
 
@@ -12,7 +12,7 @@ use crate::real::Real;
 use crate::single::longest_step_s;
 use crate::vehicle::VehicleState;
 
-/// What is fed to one run.
+/// Inputs of one run.
 #[derive(Debug, Clone, Copy)]
 pub struct Course<'a> {
     /// First instant \[s\]; the state is given there.

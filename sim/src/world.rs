@@ -12,16 +12,14 @@ use crate::trajectory::{GRID_STEP_S, Trajectory, TrajectoryError};
 use crate::vehicle::VehicleState;
 use hydroline_rigs::{Rig, Wrench};
 
-/// What can go wrong in a simulated world.
+/// Failure of a simulated world: of its effects, thrusters or trajectory.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SimError {
-    /// A `[[physics]]` entry.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// Integration.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
 }

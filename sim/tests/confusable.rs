@@ -3,16 +3,19 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // a test
 
+use fixture::lshpi_rig;
 use hydroline_rigs::channel::Channel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
 use hydroline_sim::Model;
 use hydroline_sim::effect::{CheckedEffect, EffectStack, check, find};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::model::ModelState;
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 type Loads = Vec<(f64, [f64; 6])>;
 
@@ -93,7 +96,7 @@ fn typical(id: &str) -> CheckedEffect {
     check(&[entry]).unwrap().remove(0)
 }
 
-/// What each effect leaves after the refit \[mm\].
+/// Motion that each effect leaves after the refit \[mm\].
 struct Left<'a>(Vec<(&'a str, DVector<f64>)>);
 
 impl<'a> Left<'a> {
@@ -135,7 +138,7 @@ impl<'a> Left<'a> {
         self.of(a).normalize().dot(&self.of(b).normalize())
     }
 
-    /// What is left of an effect where the other's size is fitted too \[mm\].
+    /// Rms that an effect leaves where the other's size is fitted too \[mm\].
     fn beside(&self, id: &str, other: &str) -> f64 {
         self.rms(id) * (1.0 - self.cos(id, other).powi(2)).max(0.0).sqrt()
     }

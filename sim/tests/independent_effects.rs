@@ -10,12 +10,15 @@
 #[path = "../../tests/support/inputs.rs"]
 mod inputs;
 
+use fixture::lshpi_rig;
 use std::path::Path;
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 use inputs::on_both_sets;
 
 use hydroline_rigs::{ImageNoise, ParameterValue, PhysicsEntry, Rig, Wrench};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::scene::Pose6;
 use hydroline_sim::{Renderer, World};
 use nalgebra::{Matrix6, Vector6};
@@ -173,7 +176,7 @@ fn fit(renderer: &Renderer, frame: &[f64], about: [f64; 6]) -> ([f64; 6], f64) {
     let measured = stripe(frame);
     let rows = |pose: &[f64; 6]| {
         let mut predicted = vec![None; WIDTH];
-        for p in renderer.profile_truth(&Pose6::from(*pose)) {
+        for p in renderer.profile_truth(&Pose6::from(*pose).into()) {
             if let Some(row) = measured[p.column_px as usize].filter(|_| !p.near_step) {
                 let off = p.row_px - row;
                 // Of two points in one column the nearer one; a wrong one is left away.

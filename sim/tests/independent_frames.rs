@@ -7,14 +7,17 @@
 #[path = "../../tests/support/inputs.rs"]
 mod inputs;
 
+use fixture::lshpi_rig;
 use std::collections::BTreeMap;
 use std::path::Path;
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 use inputs::{logs_of, on_both_sets};
 
 use hydroline_rigs::{ImageNoise, Rig};
 use hydroline_sim::Renderer;
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::scene::Pose6;
 use prost::Message;
 
@@ -204,7 +207,7 @@ fn stripe_and_image_match_an_independent_renderer(images: &Path) {
                 data: scaled,
                 ..frame.clone()
             };
-            let truth = renderer.profile_truth(pose);
+            let truth = renderer.profile_truth(&(*pose).into());
             let mut near = vec![true; 720]; // also where nothing is seen
             for far in [true, false] {
                 for p in truth.iter().filter(|p| p.near_step != far) {

@@ -6,13 +6,16 @@
 #[path = "../../tests/support/inputs.rs"]
 mod inputs;
 
+use fixture::lshpi_rig;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
 
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Wrench};
 use hydroline_sim::World;
 use hydroline_sim::effect::find;
-use hydroline_sim::fixture::lshpi_rig;
 use prost::Message;
 
 #[derive(Clone, PartialEq, Message)]

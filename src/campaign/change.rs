@@ -1,4 +1,4 @@
-//! Which single change of the rig explains a day after the days before it.
+//! Single change of the rig that explains a day after the days before it.
 //!
 //! The days before give coefficients θ with covariance C. Under a cause with one number s (a mass that was added, a factor on
 //! damping, on all thrusts, on one thruster) the day's own coefficients θ_d, fitted with the loads as that cause has them, are
@@ -19,8 +19,8 @@ use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_identify::{
     Identification, IdentifyError, ModelChoice, Options, Refitted, identify, refit,
 };
+use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -70,7 +70,7 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, IdentifyError> {
     )
 }
 
-/// What changed from the days before to a day.
+/// Finds the change from the days before to a day, and the probability that there is none.
 ///
 /// # Errors
 /// Words: a fit that is not possible.
@@ -96,7 +96,7 @@ pub fn change(
     };
     // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
-    // What the whole fit knows beside the noise (misfit, errors that poses share) widens a day's coefficients as those before.
+    // Covariance of the whole fit beyond the noise's (misfit, errors that poses share) widens a day's coefficients as those before.
     let noise_alone = refit(&runs_before, &start, &before).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
     let compared = Compared::of(&reference, &wider.apply(&as_is))
@@ -127,7 +127,7 @@ pub fn change(
         all => all,
     };
     // Each costs some fits of the day.
-    hypotheses.par_extend(several.par_iter().map(|&k| {
+    hypotheses.extend(parallel::map_slice(several, |&k| {
         let ln = per_kind - (driven.len() as f64).ln() - (THRUSTER[1] - THRUSTER[0]).ln();
         let objective = |share: f64| -> f64 {
             let Ok((fit, chi2, _)) = day(&with_share(&start, k, share)) else {
@@ -144,7 +144,6 @@ pub fn change(
     Ok(conclude(date, since, &hypotheses, samples))
 }
 
-/// The rig with these coefficients.
 fn at(rig: &Rig, coefficients: &Coefficients) -> Rig {
     let mut with = rig.clone();
     for (key, number) in &coefficients.numbers {
@@ -206,7 +205,6 @@ impl Wider {
     }
 }
 
-/// The rig with a thruster that gives a share of its thrust.
 fn with_share(rig: &Rig, thruster: usize, share: f64) -> Rig {
     let mut with = rig.clone();
     for part in &mut with.thrusters.thrusters[thruster].direction {

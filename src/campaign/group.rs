@@ -1,4 +1,4 @@
-//! Which logs belong together: one rig, one calibration, one water; and their days.
+//! Groups of logs that belong together: one rig, one calibration, one water; and their days.
 
 use crate::store::Key;
 use crate::survey::{Found, Identity, RigToml};

@@ -21,6 +21,7 @@
 
 pub mod change;
 pub mod group;
+pub mod kind;
 pub mod overlay;
 pub mod page;
 pub mod sheet;

@@ -16,9 +16,7 @@ const DRAWN: usize = 3;
 /// A run as an overlay needs it.
 #[derive(Debug, Clone)]
 pub struct Drawn {
-    /// Key of its unit.
     key: String,
-    /// Log's name.
     log: String,
     date: String,
     is_outlier: bool,

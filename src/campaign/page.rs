@@ -1,6 +1,7 @@
 //! The campaign to look at: what changed, trends over time, runs beside each other, what is covered, what to run next.
 
 use crate::group::Group;
+use crate::kind::Kind;
 use crate::overlay::{self, Drawn};
 use crate::sheet::{ChangeSheet, SetSheet};
 use crate::store::StoreError;
@@ -20,7 +21,6 @@ const TRENDS: usize = 6;
 const PLANS: usize = 6;
 /// Points of a trend: of more runs each point is of several, one after the other.
 const TREND_POINTS: usize = 300;
-/// Nanoseconds in a day.
 const DAY_NS: f64 = 86_400e9;
 
 /// Columns of the table of runs.
@@ -28,7 +28,7 @@ const LISTED: [&str; 8] = [
     "group", "date", "log", "plan", "sound", "verdict", "effects", "remarks",
 ];
 
-/// What the page shows of the rows, gathered row by row.
+/// Rows as the page shows them, gathered one by one.
 #[derive(Default)]
 struct Gathered {
     /// Files that cannot be used, with why.
@@ -47,7 +47,6 @@ struct OfGroup {
     determined: BTreeMap<String, usize>,
     /// Least and greatest per channel, and of how many runs.
     covered: BTreeMap<&'static str, ([f64; 2], usize)>,
-    /// Runs by plan.
     plans: BTreeMap<String, Vec<Drawn>>,
     /// Of the coefficients that are drawn: time since the first run \[d\], value, sd.
     trends: Vec<(String, Vec<[f64; 3]>)>,
@@ -66,9 +65,9 @@ impl Gathered {
             .collect();
         for row in rows.rows()? {
             let row = row?;
-            match word(&row, "kind").as_str() {
-                "bad" => found.bad.push(["log", "remarks"].map(|c| word(&row, c))),
-                "run" => {
+            match Kind::of(&row) {
+                Some(Kind::Bad) => found.bad.push(["log", "remarks"].map(|c| word(&row, c))),
+                Some(Kind::Run) => {
                     found.runs += 1;
                     if found.runs <= ROWS_MAX {
                         found.listed.push(LISTED.map(|c| word(&row, c)));
@@ -89,7 +88,7 @@ impl Gathered {
         }
         for row in rows.rows()? {
             let row = row?;
-            if word(&row, "kind") == "run"
+            if Kind::of(&row) == Some(Kind::Run)
                 && let Some(group) = found.groups.get_mut(&word(&row, "group"))
             {
                 group.draw(&row);
@@ -291,7 +290,7 @@ fn thinned(mut points: Vec<[f64; 3]>) -> (Vec<[f64; 4]>, usize) {
     (of_many.collect(), each)
 }
 
-/// Which loads and rates the runs cover.
+/// Table of the loads and rates that the runs cover.
 fn coverage(b: &mut Body, covered: &BTreeMap<&'static str, ([f64; 2], usize)>) {
     if covered.is_empty() {
         return;

@@ -1,4 +1,4 @@
-//! What a unit of work finds: what is kept, and what the table and the page are made of.
+//! Sheets: results of the units of work, which are kept, and of which the table and the page are made.
 
 use hydroline_core::run::Run;
 use hydroline_diagnose::verdict::{Verdict, Word};
@@ -18,7 +18,7 @@ pub struct Number {
     pub low: Option<f64>,
     /// Its upper end.
     pub high: Option<f64>,
-    /// What the rig says.
+    /// Value in the rig.
     pub rig: f64,
 }
 
@@ -100,7 +100,7 @@ impl Coefficients {
 /// An effect of a verdict.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// Id.
+    /// Id of the effect.
     pub effect: String,
     /// Where it acts; empty = its law has no place.
     pub dof: String,
@@ -112,7 +112,7 @@ pub struct Effect {
     pub parameters: BTreeMap<String, (f64, Option<f64>)>,
 }
 
-/// What a diagnosis found, in short; the whole verdict stands in its own file.
+/// A diagnosis in short; `diagnose` of the same logs prints the whole verdict.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosed {
     /// In a word.
@@ -198,7 +198,7 @@ impl Motion {
     }
 }
 
-/// What one run shows.
+/// Results of one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunSheet {
     /// The file is whole and nothing in it is missing.
@@ -223,7 +223,7 @@ pub struct RunSheet {
     pub diagnosed: Result<Diagnosed, String>,
 }
 
-/// What the runs of a day, or all of a group, show together.
+/// Results of a day's runs together, or of a group's runs since its last change.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SetSheet {
     /// Logs that were fitted, by name.
@@ -256,10 +256,10 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What may have changed between two days.
+/// Kind of change between two days.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum What {
-    /// Nothing.
+    /// No change.
     Nothing,
     /// A mass was added \[kg\].
     Mass,
@@ -289,7 +289,7 @@ impl fmt::Display for What {
 /// One candidate for what changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cause {
-    /// What it is.
+    /// Kind of change.
     pub what: What,
     /// Its number; absent where it has none.
     pub value: Option<f64>,
@@ -299,16 +299,16 @@ pub struct Cause {
     pub probability: f64,
 }
 
-/// What changed from the days before to a day.
+/// Change from the days before to a day.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Change {
-    /// Date.
+    /// Date of the day (UTC): `2026-11-27`.
     pub date: String,
     /// Days that it is compared with: those since the last change.
     pub since: Vec<String>,
     /// Probability that nothing changed.
     pub same_probability: f64,
-    /// What it may be, likeliest first.
+    /// Candidates, likeliest first.
     pub causes: Vec<Cause>,
     /// Whitened chi-square per degree of freedom of the day: with nothing changed, and with the likeliest cause.
     pub chi2_per_dof: [f64; 2],

@@ -17,26 +17,22 @@ const HASHES: &str = "hashes.json";
 
 /// Why the store could not be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum StoreError {
     /// A file of the store or a log.
     #[error("{path}: {source}; check that the folder is writable and the disk has room")]
     File {
-        /// Which.
         path: PathBuf,
-        /// What the system says.
         source: std::io::Error,
     },
-    /// A table that is not as it was written.
     #[error("{path}: {source}; the file was changed while it was read: run `campaign` again")]
     Json {
-        /// Which.
         path: PathBuf,
-        /// Why.
         source: serde_json::Error,
     },
 }
 
-/// What a key is made of, part by part; parts cannot run into each other.
+/// Hash of the inputs of a key, part by part; parts cannot run into each other.
 #[derive(Debug, Clone)]
 pub struct Key(Sha256);
 
@@ -65,7 +61,7 @@ fn hex(digest: &[u8]) -> String {
     all.chars().take(KEY_DIGITS).collect()
 }
 
-/// What identifies a file's content without reading it.
+/// Size and time of change, by which a file's content is known without reading it, and its hash.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Seen {
     bytes: u64,

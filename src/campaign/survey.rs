@@ -1,9 +1,9 @@
-//! What lies in a folder: logs with what they are of, and files that are none, each with the reason.
+//! Survey of a folder: logs with their identity, and files that are none, each with the reason.
 
 use crate::store::{Key, Store, StoreError};
 use hydroline_log::{LogReader, MetadataMap};
+use hydroline_numerics::parallel;
 use hydroline_rigs::Rig;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub struct Found {
     pub path: PathBuf,
     /// Hash of its content.
     pub hash: String,
-    /// What it is of, or why it cannot be used.
+    /// Identity, or why it cannot be used.
     pub is: Result<Identity, String>,
 }
 
@@ -51,7 +51,7 @@ impl std::ops::Deref for RigToml {
     }
 }
 
-/// What a log says of itself.
+/// Identity of a log: its rig, calibration, water, time, plan and note.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
     /// The rig's name.
@@ -97,36 +97,33 @@ pub fn survey(
             }
         }
     };
-    hashed
-        .into_par_iter()
-        .map(|(path, hash)| {
-            let name = path.strip_prefix(folder).unwrap_or(path);
-            let mut key = Key::of("identity/1").with(&hash);
-            if let Some(rig) = rig {
-                key = key.with(&rig.to_toml());
+    parallel::try_map_slice(&hashed, |(path, hash)| {
+        let name = path.strip_prefix(folder).unwrap_or(path);
+        let mut key = Key::of("identity/1").with(hash);
+        if let Some(rig) = rig {
+            key = key.with(&rig.to_toml());
+        }
+        let key = key.name();
+        let known = store.get::<Result<Identity, String>>(&key);
+        let is = match known {
+            Some(is) => is,
+            None => {
+                let is = identity(path, rig);
+                store.put(&key, &is)?;
+                is
             }
-            let key = key.name();
-            let known = store.get::<Result<Identity, String>>(&key);
-            let is = match known {
-                Some(is) => is,
-                None => {
-                    let is = identity(path, rig);
-                    store.put(&key, &is)?;
-                    is
-                }
-            };
-            let is = is.map(|is| Identity {
-                rig_toml: shared(is.rig_toml),
-                ..is
-            });
-            Ok(Found {
-                name: name.display().to_string(),
-                path: path.clone(),
-                hash,
-                is,
-            })
+        };
+        let is = is.map(|is| Identity {
+            rig_toml: shared(is.rig_toml),
+            ..is
+        });
+        Ok(Found {
+            name: name.display().to_string(),
+            path: (*path).clone(),
+            hash: hash.clone(),
+            is,
         })
-        .collect()
+    })
 }
 
 fn identity(path: &Path, given: Option<&Rig>) -> Result<Identity, String> {

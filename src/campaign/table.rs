@@ -1,6 +1,7 @@
 //! One row per run, day and group: the same columns as CSV and as JSON lines, which pandas and DuckDB read as they are.
 
 use crate::group::{Group, date};
+use crate::kind::Kind;
 use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, RunSheet, SetSheet};
 use crate::store::{StoreError, file, write_whole};
 use crate::survey::Found;
@@ -104,7 +105,7 @@ impl Table {
     /// [`StoreError`].
     pub fn joint(&self) -> Result<Vec<Row>, StoreError> {
         self.rows()?
-            .filter(|row| !matches!(row, Ok(row) if word(row, "kind") == "run"))
+            .filter(|row| !matches!(row, Ok(row) if Kind::of(row) == Some(Kind::Run)))
             .collect()
     }
 }
@@ -117,7 +118,7 @@ fn each_row(
     for log in campaign.logs {
         if let Err(why) = &log.is {
             let mut row = Row::new();
-            put(&mut row, "kind", "bad");
+            put(&mut row, "kind", Kind::Bad.name());
             put(&mut row, "log", log.name.as_str());
             put(&mut row, "state", "bad");
             put(&mut row, "remarks", why.as_str());
@@ -149,10 +150,10 @@ fn each_row(
         for unit in campaign.units {
             match unit.task {
                 Task::Day { group: of, day } if of == g => {
-                    each(set(campaign, group, unit, "day", &group.days[day].date))?;
+                    each(set(campaign, group, unit, Kind::Day, &group.days[day].date))?;
                 }
                 Task::Group { group: of } if of == g => {
-                    each(set(campaign, group, unit, "group", ""))?;
+                    each(set(campaign, group, unit, Kind::Group, ""))?;
                 }
                 Task::Changes { group: of } if of == g => {
                     changes(campaign, group, unit)
@@ -173,9 +174,9 @@ fn put(row: &mut Row, column: &str, value: impl Into<Value>) {
     }
 }
 
-fn head(group: &Group, kind: &str) -> Row {
+fn head(group: &Group, kind: Kind) -> Row {
     let mut row = Row::new();
-    put(&mut row, "kind", kind);
+    put(&mut row, "kind", kind.name());
     put(&mut row, "group", group.id.as_str());
     put(&mut row, "vehicle", group.vehicle.as_str());
     put(&mut row, "water", group.water.as_str());
@@ -191,7 +192,7 @@ fn run(
     outliers: &BTreeMap<String, f64>,
 ) -> Row {
     let log: &Found = &campaign.logs[k];
-    let mut row = head(group, "run");
+    let mut row = head(group, Kind::Run);
     put(&mut row, "log", log.name.as_str());
     if let Ok(is) = &log.is {
         put(&mut row, "date", date(is.start_ns));
@@ -229,7 +230,7 @@ fn run(
     row
 }
 
-fn set(campaign: &Campaign<'_>, group: &Group, unit: &Unit, kind: &str, date: &str) -> Row {
+fn set(campaign: &Campaign<'_>, group: &Group, unit: &Unit, kind: Kind, date: &str) -> Row {
     let mut row = head(group, kind);
     put(&mut row, "date", date);
     let Some(sheet) = campaign.store.get::<SetSheet>(&unit.key) else {
@@ -247,12 +248,12 @@ fn set(campaign: &Campaign<'_>, group: &Group, unit: &Unit, kind: &str, date: &s
 
 fn changes(campaign: &Campaign<'_>, group: &Group, unit: &Unit) -> Vec<Row> {
     let Some(sheet) = campaign.store.get::<ChangeSheet>(&unit.key) else {
-        let mut row = head(group, "change");
+        let mut row = head(group, Kind::Change);
         put(&mut row, "state", "open");
         return vec![row];
     };
     let each = sheet.changes.iter().map(|found| {
-        let mut row = head(group, "change");
+        let mut row = head(group, Kind::Change);
         put(&mut row, "state", "done");
         match found {
             Ok(change) => {
@@ -285,13 +286,14 @@ fn number(value: f64) -> Value {
     }
 }
 
+/// A result that is there; why it is not is added to the remarks.
+fn or_remark<'a, T>(found: &'a Result<T, String>, remarks: &mut Vec<String>) -> Option<&'a T> {
+    found.as_ref().map_err(|why| remarks.push(why.clone())).ok()
+}
+
 fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec<String>) {
-    let found = match found {
-        Ok(found) => found,
-        Err(why) => {
-            remarks.push(why.clone());
-            return;
-        }
+    let Some(found) = or_remark(found, remarks) else {
+        return;
     };
     put(row, "model", found.model.as_str());
     put(row, "variance_ratio", number(found.variance_ratio));
@@ -300,16 +302,10 @@ fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec
         if let Some(sd) = n.sd {
             put(row, key, number(n.value));
             put(row, &format!("{key}_sd"), number(sd));
-            put(
-                row,
-                &format!("{key}_low"),
-                n.low.map_or(Value::Null, number),
-            );
-            put(
-                row,
-                &format!("{key}_high"),
-                n.high.map_or(Value::Null, number),
-            );
+            for (end, value) in [("low", n.low), ("high", n.high)] {
+                let value = value.map_or(Value::Null, number);
+                put(row, &format!("{key}_{end}"), value);
+            }
         }
     }
     for (slot, sd) in &found.noise_sd {
@@ -318,12 +314,8 @@ fn fitted(row: &mut Row, found: &Result<Coefficients, String>, remarks: &mut Vec
 }
 
 fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec<String>) {
-    let found = match found {
-        Ok(found) => found,
-        Err(why) => {
-            remarks.push(why.clone());
-            return;
-        }
+    let Some(found) = or_remark(found, remarks) else {
+        return;
     };
     put(row, "verdict", found.verdict.name());
     put(row, "sentence", found.sentence.as_str());

@@ -10,7 +10,7 @@ const RUN: &str = "run/3";
 const SET: &str = "set/3";
 const CHANGES: &str = "changes/6";
 
-/// What is to be done.
+/// Kind of work, and the log or the group that it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
     /// One log: is it sound, its motion, coefficients and diagnosis by itself.
@@ -30,7 +30,7 @@ pub enum Task {
         /// Place among the groups.
         group: usize,
     },
-    /// What changed between a group's days.
+    /// Changes between a group's days.
     Changes {
         /// Place among the groups.
         group: usize,
@@ -44,7 +44,7 @@ pub struct Unit {
     pub name: String,
     /// Key of its sheet.
     pub key: String,
-    /// What.
+    /// Work to do, and for which log or group.
     pub task: Task,
     /// Units whose sheets it needs, by place in the list.
     pub needs: Vec<usize>,

@@ -13,10 +13,10 @@ use hydroline_diagnose::{Source, diagnose, read};
 use hydroline_identify::data::{LoadError, load};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
+use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -29,15 +29,15 @@ const OUTLIER: f64 = 3.0;
 /// Poses of a log's images into a new log.
 pub type Replay<'a> = dyn Fn(&Path, &Path) -> Result<(), String> + Sync + 'a;
 
-/// What all units of a campaign share.
+/// Data that all units of a campaign share.
 pub struct Campaign<'a> {
-    /// Logs.
+    /// Files named like logs, usable or not.
     pub logs: &'a [Found],
     /// Groups of them.
     pub groups: &'a [Group],
     /// Units of work.
     pub units: &'a [Unit],
-    /// Sheets.
+    /// Store of the units' sheets.
     pub store: &'a Store,
     /// From images to poses.
     pub replay: &'a Replay<'a>,
@@ -51,18 +51,12 @@ impl std::fmt::Debug for Campaign<'_> {
 
 /// Why a unit was not done; what a log lacks is no error but stands in its sheet.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum WorkError {
-    /// The store.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A sheet that must be there first.
     #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
-    Needs {
-        /// Unit.
-        unit: String,
-        /// What it needs.
-        needs: String,
-    },
+    Needs { unit: String, needs: String },
     /// The rig, which was read before.
     #[error("{0}")]
     Rig(String),
@@ -76,7 +70,7 @@ impl Campaign<'_> {
 
     /// Of each unit whether its sheet is there.
     pub fn done(&self) -> Vec<bool> {
-        self.units.par_iter().map(|u| self.is_done(u)).collect()
+        parallel::map_slice(self.units, |u| self.is_done(u))
     }
 
     /// Does a unit and keeps its sheet.

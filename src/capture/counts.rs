@@ -1,4 +1,4 @@
-//! What was received, what was lost and why, and what time says there should have been.
+//! Frames received, frames lost by cause, and frames due by time.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,7 @@ impl Losses {
     Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, schemars::JsonSchema, Deserialize,
 )]
 pub struct Excluded {
-    /// V4L2_BUF_FLAG_ERROR.
+    /// Frames that the driver marked as damaged (V4L2_BUF_FLAG_ERROR).
     pub driver_error: u64,
     /// Fewer bytes than the format needs.
     pub truncated: u64,

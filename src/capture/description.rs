@@ -1,4 +1,4 @@
-//! What a source is: goes into the log's session metadata as JSON.
+//! Description of a source: goes into the log's session metadata as JSON.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// A source as it is set up now, everything read back from the device.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema, Deserialize)]
 pub struct SourceDescription {
-    /// "v4l2", "sim", "log".
+    /// Kind of source: "v4l2" or "sim".
     pub kind: String,
     /// Driver name (QUERYCAP), e.g. `uvcvideo`; empty where there is none.
     pub driver: String,

@@ -1,4 +1,4 @@
-//! Which cameras there are, what each can do, and what stands in the way: for `hydroline devices` and `check`.
+//! Cameras that are present, what each can do, and what prevents its use: for `hydroline devices` and `check`.
 
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub struct CameraListing {
     pub by_path: Vec<String>,
     /// Card name.
     pub card: String,
-    /// Driver.
+    /// Driver name.
     pub driver: String,
     /// Bus info.
     pub bus_info: String,
@@ -29,9 +29,9 @@ pub struct CameraListing {
     pub offers: Vec<OfferedSize>,
     /// Field order of the current format.
     pub field: String,
-    /// Controls.
+    /// Controls of the camera.
     pub controls: Vec<ControlListing>,
-    /// What stands in the way of using it, with the cure; empty = nothing.
+    /// Obstacle to its use, with the cure; empty = none.
     pub problem: String,
     /// Why the node can never be the camera of a rig; empty = it can.
     #[serde(default)]
@@ -49,15 +49,15 @@ pub struct ControlListing {
     pub min: i64,
     /// Largest value.
     pub max: i64,
-    /// Step.
+    /// Step between values.
     pub step: u64,
-    /// Default.
+    /// Default value.
     pub default: i64,
     /// Value now; `None` = cannot be read.
     pub value: Option<i64>,
 }
 
-/// What a node that gives no pictures is instead, by its V4L2_CAP_*; the first that fits says it.
+/// Purpose of a node that gives no pictures, by its V4L2_CAP_*; the first that fits is taken.
 const OTHERS: [(u32, &str); 7] = [
     (
         CAP_META_CAPTURE,
@@ -76,21 +76,16 @@ const OTHERS: [(u32, &str); 7] = [
     (CAP_TOUCH, "it is a touch panel"),
     (CAP_META_OUTPUT, "it takes metadata, it gives no pictures"),
 ];
-/// V4L2_CAP_META_CAPTURE
+// Bits of linux/videodev2.h, there V4L2_CAP_*; the kernel has VIDEO_ before OUTPUT and M2M.
 const CAP_META_CAPTURE: u32 = 0x0080_0000;
-/// V4L2_CAP_META_OUTPUT
 const CAP_META_OUTPUT: u32 = 0x0800_0000;
-/// V4L2_CAP_VIDEO_OUTPUT_MPLANE
 const CAP_OUTPUT_MPLANE: u32 = 0x2000;
-/// V4L2_CAP_VIDEO_M2M
 const CAP_M2M: u32 = 0x8000;
-/// V4L2_CAP_VIDEO_M2M_MPLANE
 const CAP_M2M_MPLANE: u32 = 0x4000;
 /// V4L2_CAP_VBI_CAPTURE and V4L2_CAP_SLICED_VBI_CAPTURE
 const CAP_VBI: u32 = 0x50;
 /// V4L2_CAP_RADIO and V4L2_CAP_SDR_CAPTURE
 const CAP_RADIO: u32 = 0x0014_0000;
-/// V4L2_CAP_TOUCH
 const CAP_TOUCH: u32 = 0x1000_0000;
 
 /// Why a node of these capabilities gives no pictures to a program; `None` = it does.

@@ -2,26 +2,22 @@
 
 use std::path::PathBuf;
 
-/// What a source cannot mend by itself.
+/// Error that a source cannot mend by itself.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CaptureError {
-    /// A scripted or replayed source broke.
     #[error("{source_name}: {reason}")]
     Source { source_name: String, reason: String },
     #[error(
         "no camera matches {identity}; present: {present}; `hydroline devices` lists what can be named"
     )]
     NotFound { identity: String, present: String },
-    /// The rig names a node that may mean another camera after the next boot.
     #[error(
         "{node} is not a stable name; name the camera by id or by path (`hydroline devices` prints both), or set camera.allow_unstable_node = true"
     )]
     UnstableNode { node: PathBuf },
-    /// The rig's camera is not a V4L2 device.
     #[error("the rig's camera is simulated; only a V4L2 camera can be opened here")]
     NotV4l,
-    /// The node may not be opened.
     #[error("{node}: {reason}")]
     Access {
         node: PathBuf,
@@ -58,7 +54,6 @@ pub enum CaptureError {
         /// Formats, sizes and rates.
         offers: String,
     },
-    /// A colour channel over levels that nobody named.
     #[error(
         "{node}: laser.channel asks for a colour of {format}, whose levels are {said} range as the driver says; set camera.yuv_range = \"{said}\" (or \"limited\" where the driver is wrong)"
     )]
@@ -83,7 +78,6 @@ pub enum CaptureError {
         name: String,
         present: String,
     },
-    /// A control did not take its value.
     #[error(
         "control `{name}` of {node}: asked {asked}, {got}; allowed {min}..={max} in steps of {step}{hint}"
     )]
@@ -96,7 +90,7 @@ pub enum CaptureError {
         min: i64,
         max: i64,
         step: u64,
-        /// What to do, or empty.
+        /// Advice, or empty.
         hint: &'static str,
     },
     /// STREAMON: ENOSPC.
@@ -106,7 +100,6 @@ pub enum CaptureError {
     Bandwidth {
         node: PathBuf,
         format: String,
-        /// Rate \[1/s\].
         rate_fps: f64,
         mbit_s: f64,
     },

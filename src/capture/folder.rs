@@ -24,20 +24,17 @@ const FILE_MAX_BYTES: u64 = 1 << 30;
 
 /// Why a folder makes no frames.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FolderError {
-    /// The folder or one of its files cannot be read.
     #[error("{}: {source}; check that it can be read", path.display())]
     Read { path: PathBuf, source: io::Error },
     #[error("{}: holds no images (.png, .jpg, .jpeg) among its {others} entries; name a folder with images", path.display())]
     Empty { path: PathBuf, others: usize },
-    /// Nothing says when the frames were true.
     #[error(
         "{}: the images' names do not end with UNIX times in nanoseconds (the first is {first}), so nothing says when they were true: give --rate-hz, the frames in a second",
         path.display()
     )]
     NoTimes { path: PathBuf, first: String },
-    /// Two frames at one time, or time that goes back.
     #[error(
         "{}: the times in the names do not rise at {name}; rename it, or give --rate-hz to take the images in the order of their names",
         path.display()
@@ -282,7 +279,7 @@ impl FolderFrames {
             source,
         };
         let bytes = read_image(path).map_err(failed)?;
-        // What is no image becomes a frame that does not decode, and is counted as one.
+        // A file that is no image becomes a frame that does not decode, and is counted as one.
         let format = still_format(&bytes).unwrap_or(PixelFormat::Png);
         let (width_px, height_px) = still_size(&bytes).unwrap_or((0, 0));
         Ok(Frame {

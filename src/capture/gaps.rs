@@ -11,7 +11,7 @@
 //! and for stamps up to 2.5 periods late on a busy host; a drop in the very moment of such a jam may be counted
 //! wrong by one, and is then mostly seen as a disagreement.
 //!
-//! What was lost is marked on the frame behind it as soon as that comes, and a mark that later frames refute is taken
+//! A loss is marked on the frame behind it as soon as that comes, and a mark that later frames refute is taken
 //! back by name ([`Note::Retracted`]): marks - retractions + what fell due after the last frame = found losses, always.
 //!
 //! `received + lost - expected` is reported as it is, per second and in total; it is 0 unless the driver's
@@ -69,7 +69,7 @@ pub enum Pause {
     Unplugged,
 }
 
-/// What the account has to say besides the loss before a frame.
+/// Note of the account, besides the loss before a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Note {
     /// The period changed for good.
@@ -81,9 +81,9 @@ pub enum Note {
     },
     /// The sequence started again or jumped to where time does not follow: time alone decides here.
     Renumbered {
-        /// Before.
+        /// Sequence number of the frame before.
         from: u32,
-        /// Now.
+        /// Sequence number of this frame.
         to: u32,
     },
     /// Losses marked on an earlier frame were none (it was late, and those behind it have come), or stand elsewhere
@@ -91,7 +91,7 @@ pub enum Note {
     Retracted {
         /// Sequence number of the frame that was marked: the last one of that number.
         sequence: u32,
-        /// How many of its losses are taken back.
+        /// Number of its losses that are taken back.
         frames: u64,
     },
     /// This frame has the number and the period of the one before.
@@ -106,7 +106,7 @@ pub enum Note {
     },
     /// A pause ended.
     Resumed {
-        /// Cause.
+        /// Cause of the pause.
         pause: Pause,
         /// From the last stamp before to the first after \[s\].
         gap_s: f64,

@@ -1,4 +1,4 @@
-//! Frames from wherever they come: one [`FrameSource`] for V4L2, simulator and log.
+//! Frames from wherever they come: one [`FrameSource`] for V4L2 and simulator.
 //!
 //! A source never loses a frame silently: each loss is counted under its cause in
 //! [`CaptureCounts`], and the number of frames that time says there should have been
@@ -35,7 +35,6 @@ pub mod devices;
 pub mod error;
 pub mod folder;
 pub mod gaps;
-pub mod log;
 pub mod queue;
 pub mod sim;
 pub mod v4l;
@@ -44,12 +43,11 @@ pub use counts::{CaptureCounts, Excluded, Losses, SecondCounts};
 pub use description::{ControlReading, NegotiatedFormat, SourceDescription};
 pub use error::CaptureError;
 pub use folder::{FolderError, FolderFrames, ImageFolder};
-pub use log::LogSource;
 pub use v4l::{OpenOptions, V4lSource};
 
 /// A camera, or something that stands for one.
 pub trait FrameSource: Send {
-    /// What this source is and how it is set up now, for the log's session metadata.
+    /// Describes this source as it is set up now, for the log's session metadata.
     fn describe(&self) -> SourceDescription;
 
     /// The next thing that happened, after at most about `wait`.

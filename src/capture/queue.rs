@@ -10,21 +10,21 @@
 
 use std::time::Duration;
 
-/// What the adapter has to do next.
+/// Next action of the adapter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// VIDIOC_QBUF of this buffer.
     Enqueue(u32),
-    /// VIDIOC_STREAMON.
+    /// VIDIOC_STREAMON: the stream starts.
     StreamOn,
-    /// VIDIOC_STREAMOFF.
+    /// VIDIOC_STREAMOFF: the stream stops, and all buffers come back.
     StreamOff,
     /// poll(2) for a frame, at the latest until this CLOCK_MONOTONIC time \[ns\].
     Poll {
         /// Deadline \[ns\].
         until_ns: u64,
     },
-    /// VIDIOC_DQBUF.
+    /// VIDIOC_DQBUF of a filled buffer.
     Dequeue,
     /// Copy the frame out of this buffer; it is ours until [`Outcome::Done`].
     Deliver(u32),
@@ -37,7 +37,7 @@ pub enum Action {
     Reopen,
 }
 
-/// How it went.
+/// Outcome of an action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Enqueue, StreamOn, StreamOff, Deliver, Rest: done.
@@ -48,7 +48,7 @@ pub enum Outcome {
     Silence,
     /// Dequeue: this buffer is ours now. `void` = it holds no frame (ERROR, no bytes, no stamp).
     Dequeued {
-        /// Buffer.
+        /// Index of the buffer.
         index: u32,
         /// No frame in it.
         void: bool,
@@ -57,16 +57,16 @@ pub enum Outcome {
     Failed(i32),
 }
 
-/// Which call failed.
+/// Call that failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Call {
-    /// VIDIOC_QBUF
+    /// VIDIOC_QBUF of a buffer.
     Enqueue,
-    /// VIDIOC_DQBUF
+    /// VIDIOC_DQBUF of a filled buffer.
     Dequeue,
-    /// VIDIOC_STREAMON
+    /// VIDIOC_STREAMON at the start of the stream.
     StreamOn,
-    /// VIDIOC_STREAMOFF
+    /// VIDIOC_STREAMOFF at its end.
     StreamOff,
     /// poll(2)
     Poll,
@@ -84,7 +84,7 @@ impl std::fmt::Display for Call {
     }
 }
 
-/// What a person should know.
+/// Notice for the user about the stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notice {
     /// STREAMON succeeded.
@@ -98,9 +98,9 @@ pub enum Notice {
     },
     /// A call failed; the stream is stopped, and started again after the back-off.
     Failed {
-        /// Call.
+        /// Call that failed.
         call: Call,
-        /// errno.
+        /// Its errno.
         errno: i32,
         /// Failures in a row, from 1.
         attempt: u32,
@@ -111,9 +111,9 @@ pub enum Notice {
     Voided,
     /// A buffer was refused once and will be tried again.
     Refused {
-        /// Buffer.
+        /// Index of the buffer.
         index: u32,
-        /// errno.
+        /// Its errno.
         errno: i32,
     },
     /// The kernel handed out a buffer it did not have; the stream is restarted.
@@ -123,7 +123,7 @@ pub enum Notice {
     },
     /// The device is gone.
     Gone {
-        /// errno.
+        /// Its errno.
         errno: i32,
     },
 }
@@ -159,8 +159,9 @@ const AFTER_VOID: u64 = 2;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     /// We; to be queued, not before this time (0 = at once).
-    Us { not_before_ns: u64 },
-    /// The kernel.
+    Us {
+        not_before_ns: u64,
+    },
     Kernel,
     /// We; the frame in it is being copied out.
     Held,
@@ -171,14 +172,21 @@ enum Phase {
     /// Queueing all buffers, then STREAMON.
     Filling,
     /// Running; `ready` = poll said so.
-    Streaming { ready: bool },
+    Streaming {
+        ready: bool,
+    },
     /// Running, but nothing can be done before this time.
-    Idling { until_ns: u64 },
+    Idling {
+        until_ns: u64,
+    },
     /// STREAMOFF next.
-    Stopping { then_rest_ns: u64 },
+    Stopping {
+        then_rest_ns: u64,
+    },
     /// Waiting before a new start.
-    Resting { until_ns: u64 },
-    /// The device is gone.
+    Resting {
+        until_ns: u64,
+    },
     Gone,
 }
 
@@ -223,7 +231,7 @@ impl BufferQueue {
         }
     }
 
-    /// What to do now. Asking again without an outcome gives the same answer (a deadline may have passed).
+    /// The action to take now. Asking again without an outcome gives the same answer (a deadline may have passed).
     pub fn action(&self, now_ns: u64) -> Action {
         match self.phase {
             Phase::Gone => Action::Reopen,
@@ -332,11 +340,6 @@ impl BufferQueue {
             (Action::StreamOff, Outcome::Failed(errno)) => self.gone(errno),
             _ => None,
         }
-    }
-
-    /// Buffers the kernel owns.
-    pub fn queued(&self) -> usize {
-        self.owners.iter().filter(|o| **o == Owner::Kernel).count()
     }
 
     fn set(&mut self, index: u32, owner: Owner) {

@@ -20,7 +20,7 @@ const BUFFERS: usize = 8;
 /// Readout and USB transfer after the end of the exposure \[s\]: a USB 2 camera's order of magnitude.
 const TRANSFER_S: f64 = 0.008;
 
-/// What is in front of the simulated camera.
+/// Scene in front of the simulated camera.
 pub trait Scene: Send {
     /// The 8-bit grey image, row-major, of the world at `t_s` seconds after the source's start;
     /// `index` seeds the frame's noise. Called with ascending times.
@@ -82,7 +82,7 @@ impl<S: Scene> SimCamera<S> {
         self.start_ns + (after_s * 1e9) as u64
     }
 
-    /// What the driver did since the last call: fill buffers, or lose frames while all are full.
+    /// Runs the driver up to now: it fills buffers, or loses frames while all are full.
     fn run_driver(&mut self, now_ns: u64) {
         while self.due_ns(self.seen) <= now_ns {
             if self.filled.len() < BUFFERS {

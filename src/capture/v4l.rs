@@ -43,7 +43,7 @@ const START_ATTEMPTS: u32 = 5;
 /// V4L2_FIELD_NONE: progressive; V4L2_FIELD_ANY: the driver does not say.
 const PROGRESSIVE: [u32; 2] = [0, 1];
 
-/// How to open.
+/// Options for opening a camera.
 #[derive(Debug, Clone, Copy)]
 pub struct OpenOptions {
     /// `/dev/videoN` is accepted as a name.

@@ -182,7 +182,7 @@ fn show(
     Ok(is_read())
 }
 
-/// What is analysed, and shown on the live page: pictures as fast as they are looked at, words with each window.
+/// Analysis of the frames, and the live page that shows it: pictures as fast as they are looked at, words with each window.
 struct Screen {
     analyst: Analyst,
     scene: Scene,

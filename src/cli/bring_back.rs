@@ -5,17 +5,19 @@ mod page;
 
 use super::print::errln;
 use super::{CliError, progress, rigging};
-use asked::{Answer, Asked};
+use asked::Asked;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{Captured, FrameSource};
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_daemon::bring_back::finder::Finder;
+use hydroline_daemon::bring_back::question::{Question, Reply};
 use hydroline_daemon::bring_back::{Guide, HEADING_DEG, POSITION_M, Stage, StartTolerance};
 use hydroline_daemon::live::Live;
 use hydroline_daemon::signals;
 use hydroline_rigs::Rig;
 use indicatif::ProgressBar;
 use page::Page;
+use std::mem::Discriminant;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,10 +25,8 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(20);
 /// Between two poses: often enough for a hand, and the processor keeps up.
 const PERIOD: Duration = Duration::from_millis(100);
-/// A second Enter within this time starts the run although the vehicle is not seen at the start.
-const AGAIN: Duration = Duration::from_secs(10);
 
-/// How near the start is near enough.
+/// Tolerance within which the vehicle is back at the start.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct NearArgs {
     /// With --return-to-start: so near the start counts as there, up to 1 [m]
@@ -94,21 +94,23 @@ pub fn wait(way: &Way<'_>) -> Result<bool, CliError> {
         }
     };
     let asked = Asked::begin();
-    let mut warned: Option<Instant> = None;
+    let began = Instant::now();
+    let mut question = Question::default();
     loop {
         if signals.heard().is_some() || (way.stopped)() {
             return Ok(false);
         }
         let back = eyes.as_mut().is_none_or(Eyes::is_back);
-        match asked.answer() {
-            Some(Answer::End) => return Ok(false),
-            Some(Answer::Go) => {
-                let again = warned.is_some_and(|at| at.elapsed() < AGAIN);
-                if back || again || !asked.asks_again() {
-                    drop(eyes);
-                    return Ok(!asked.ended());
-                }
-                warned = Some(Instant::now());
+        let reply = asked
+            .answer()
+            .map(|answer| question.reply(began.elapsed(), answer, back || !asked.asks_again()));
+        match reply {
+            Some(Reply::End) => return Ok(false),
+            Some(Reply::Start) => {
+                drop(eyes);
+                return Ok(!asked.ended());
+            }
+            Some(Reply::NotThere) => {
                 if let Some(eyes) = &mut eyes {
                     eyes.not_there();
                 }
@@ -135,8 +137,8 @@ struct Eyes {
     guide: Guide,
     line: ProgressBar,
     looked: Option<Instant>,
-    /// What was said last where no line refreshes.
-    said: Option<&'static str>,
+    /// The stage of which a line was printed last, where none refreshes.
+    said: Option<Discriminant<Stage>>,
     page: Option<Page>,
 }
 
@@ -174,11 +176,11 @@ impl Eyes {
         self.line.suspend(|| errln!("{words}"));
     }
 
-    /// Takes the newest frame, if there is one, and shows what it says.
+    /// Takes the newest frame, if there is one, and shows the way that it gives.
     fn look(&mut self) -> Result<(), CliError> {
         let mut newest = None;
         let mut wait = LOOK;
-        // What has piled up while the last one was fitted is passed over.
+        // Frames that piled up while the last one was fitted are passed over.
         loop {
             match self.source.next(wait)? {
                 Captured::Frame(frame) => newest = Some(frame),
@@ -208,12 +210,7 @@ impl Eyes {
     /// On a terminal the line refreshes; anywhere else a line is said when the matter has changed.
     fn say(&mut self, now_ns: u64, line: &str) {
         self.line.set_message(line.to_owned());
-        let stage = match self.guide.stage(now_ns) {
-            Stage::Unseen => "unseen",
-            Stage::Away(_) => "away",
-            Stage::Arriving(_) => "arriving",
-            Stage::Back(_) => "back",
-        };
+        let stage = std::mem::discriminant(&self.guide.stage(now_ns));
         if self.line.is_hidden() && self.said != Some(stage) {
             self.said = Some(stage);
             errln!("hydroline: {line}");

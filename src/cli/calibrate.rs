@@ -62,7 +62,7 @@ pub struct Args {
     /// Rig file or built-in name: where the camera stands, thickness of the sheet, tolerance; default: the log's
     #[arg(long, value_name = "RIG")]
     rig: Option<String>,
-    /// What the light went through: air, fresh or salt; default: what log or rig say
+    /// Medium that the light went through: air, fresh or salt; default: what log or rig say
     #[arg(long, value_parser = medium::from_name, value_name = "MEDIUM")]
     medium: Option<Medium>,
     /// Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts

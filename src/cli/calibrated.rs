@@ -11,7 +11,7 @@ use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_rigs::{Board, Rig};
 use std::path::{Path, PathBuf};
 
-/// Which calibration to use.
+/// Choice of the calibration.
 #[derive(Debug, clap::Args)]
 pub struct UseArgs {
     /// Calibration for the plane coordinates, as `calibrate` or `record --calibrate` wrote it
@@ -20,7 +20,7 @@ pub struct UseArgs {
     /// Uses the calibration although it was made in another medium than the run's
     #[arg(long)]
     pub force_calibration: bool,
-    /// What the light goes through: air, fresh or salt; default: what water and rig say
+    /// Medium that the light goes through: air, fresh or salt; default: what water and rig say
     #[arg(long, value_parser = medium::from_name, value_name = "MEDIUM")]
     pub medium: Option<Medium>,
 }
@@ -94,7 +94,7 @@ pub struct MakeArgs {
 }
 
 impl MakeArgs {
-    /// What to look for; `None` without `--calibrate`.
+    /// Setup of the search; `None` without `--calibrate`.
     pub fn setup(&self, rig: &Rig, conditions: &Conditions) -> Result<Option<Setup>, CliError> {
         if !self.calibrate {
             return Ok(None);

@@ -22,7 +22,7 @@ pub trait Listener: Send + Sync {
     fn result(&self, bytes: &[u8]);
     /// Words for a person: what would go to stderr.
     fn remark(&self, words: &str);
-    /// How far it is: the stage, how many are done, and of how many where that is known.
+    /// Progress: the stage, how many are done, and of how many where that is known.
     fn progress(&self, stage: &str, done: u64, of: Option<u64>);
     /// The page that --report would write, where the command has one.
     fn report(&self, page: Report);
@@ -51,6 +51,7 @@ pub(crate) fn offer(page: impl FnOnce() -> String + Send + 'static) {
 
 /// Why there is no result.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CallError {
     /// An argument is missing, unknown, or not among its values.
     #[error("{words}")]
@@ -64,7 +65,6 @@ pub enum CallError {
         /// Values that it can have, where they are a list.
         allowed: Vec<String>,
     },
-    /// The command's own.
     #[error(transparent)]
     Command(#[from] CliError),
 }
@@ -81,7 +81,7 @@ pub fn call(words: Vec<OsString>, build: BuildInfo) -> Result<Outcome, CallError
     Ok(cli.run(build)?)
 }
 
-/// What clap says, without the help of a command line.
+/// Error of an argument, in clap's words without the help of a command line.
 fn argument_error(error: &clap::Error) -> CallError {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => text.clone(),
@@ -108,7 +108,7 @@ fn argument_error(error: &clap::Error) -> CallError {
     }
 }
 
-/// What values of an argument are.
+/// Type of an argument's values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// There or not.
@@ -136,13 +136,13 @@ pub struct Argument {
     pub several: bool,
     /// Whether it must be there whatever else is.
     pub required: bool,
-    /// What its values are.
+    /// Type of its values.
     pub kind: Kind,
     /// Value where none is given.
     pub default: Option<String>,
-    /// What it means.
+    /// Help on it, as the command line prints it.
     pub help: String,
-    /// What stands for its value in the help.
+    /// Placeholder of its value in the help.
     pub value_name: String,
 }
 
@@ -220,7 +220,7 @@ pub(crate) fn heard_remark(words: &str) -> bool {
     listener().map(|l| l.remark(words)).is_some()
 }
 
-/// How far a command is, for whoever listens.
+/// Passes the progress of a command to the listener, if there is one.
 pub(crate) fn progress(stage: &str, done: u64, of: Option<u64>) {
     if let Some(listener) = listener() {
         listener.progress(stage, done, of);

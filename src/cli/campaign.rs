@@ -4,6 +4,7 @@ use super::many::{LOG, below};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress, replay};
 use hydroline_campaign::group::{Group, groups};
+use hydroline_campaign::kind::Kind;
 use hydroline_campaign::store::Store;
 use hydroline_campaign::survey::{Found, survey};
 use hydroline_campaign::table::{Row, Table, word};
@@ -11,7 +12,8 @@ use hydroline_campaign::unit::{Task, Unit, units};
 use hydroline_campaign::work::Campaign;
 use hydroline_campaign::{page::page, store::write_whole};
 use hydroline_core::build_info::BuildInfo;
-use rayon::prelude::*;
+use hydroline_diagnose::verdict::Word;
+use hydroline_numerics::parallel;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -62,7 +64,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What a script may want to hear of.
+/// Findings that a script may want to hear of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FailOn {
     /// A group's verdict is `unknown`
@@ -205,14 +207,12 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
         .into_iter()
         .partition(|u| matches!(u.task, Task::Group { .. }));
     for stage in [runs, days, groups] {
-        let failed: Vec<String> = stage
-            .par_iter()
-            .filter_map(|unit| {
-                let result = campaign.work(unit);
-                bar.inc(1);
-                Some(format!("{}: {}", unit.name, result.err()?))
-            })
-            .collect();
+        let failed = parallel::map_slice(&stage, |unit| {
+            let result = campaign.work(unit);
+            bar.inc(1);
+            Some(format!("{}: {}", unit.name, result.err()?))
+        });
+        let failed: Vec<String> = failed.into_iter().flatten().collect();
         if !failed.is_empty() {
             bar.finish_and_clear();
             return Err(CliError::Run(failed.join("\nhydroline: ")));
@@ -252,22 +252,22 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         );
         let own = rows.iter().filter(|r| word(r, "group") == group.id);
         for row in own {
-            match word(row, "kind").as_str() {
-                "group" => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
-                "day" => outln!(
+            match Kind::of(row) {
+                Some(Kind::Group) => outln!("  {} {}", word(row, "verdict"), word(row, "sentence")),
+                Some(Kind::Day) => outln!(
                     "  {}: {} {}",
                     word(row, "date"),
                     word(row, "verdict"),
                     word(row, "sentence")
                 ),
-                "change" => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
+                Some(Kind::Change) => outln!("  {}{}", word(row, "sentence"), word(row, "remarks")),
                 _ => {}
             }
         }
     }
 }
 
-/// What --fail-on names.
+/// An error where the campaign holds something that --fail-on names.
 fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
     let has = |what: &FailOn| -> Vec<String> {
         let named = |row: &Row, column: &str| {
@@ -279,14 +279,14 @@ fn failed(wanted: &[FailOn], rows: &[Row]) -> Result<(), CliError> {
             )
         };
         rows.iter()
-            .filter_map(|row| match (what, word(row, "kind").as_str()) {
-                (FailOn::Unknown, "group") if word(row, "verdict") == "unknown" => {
+            .filter_map(|row| match (what, Kind::of(row)?) {
+                (FailOn::Unknown, Kind::Group) if word(row, "verdict") == Word::Unknown.name() => {
                     Some(named(row, "sentence"))
                 }
-                (FailOn::Misfit, "group") if !word(row, "misfit").is_empty() => {
+                (FailOn::Misfit, Kind::Group) if !word(row, "misfit").is_empty() => {
                     Some(named(row, "misfit"))
                 }
-                (FailOn::Drift, "change") => {
+                (FailOn::Drift, Kind::Change) => {
                     let same = row.get("same_probability")?.as_f64()?;
                     (same < 0.5).then(|| named(row, "sentence"))
                 }

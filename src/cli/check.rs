@@ -46,15 +46,15 @@ pub struct Args {
 /// One thing that was looked at.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 struct Finding {
-    /// What was looked at.
+    /// Part that was looked at, such as camera or disk.
     what: &'static str,
     /// Whether it is fit for a recording.
     ok: bool,
-    /// What was found; when not ok, with what to do.
+    /// Finding; when not ok, with what to do.
     words: String,
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Checked<'a> {
     /// Name of the rig.

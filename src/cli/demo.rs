@@ -28,9 +28,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Ahead from rest, and ahead and astern in turns: constant thrust alone could not tell a lag from the effects it is confusable with effects.
+/// Ahead from rest, and ahead and astern in turns: constant thrust alone could not tell a lag from its confusable effects.
 const PLANS: [&str; 2] = ["surge-8n", "reversals"];
-/// What the simulated vehicle has and the rig that identifies and diagnoses it has not.
+/// Physics that the simulated vehicle has and the rig that identifies and diagnoses it has not.
 const LEFT_OUT: &str = "[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
 
 #[derive(Debug, clap::Args)]
@@ -121,7 +121,7 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What that model left out.
+/// Diagnoses the runs; prints the verdict, and writes the report and a rig with the physics that was left out.
 fn diagnosed(rig: &Rig, out: &Path) -> Result<(), CliError> {
     let run = |name: &&str| -> Result<Source, CliError> {
         let recorded = out.join(format!("{name}.mcap"));
@@ -244,7 +244,7 @@ fn print_recording(report: &Report) {
     }
 }
 
-/// What the run shows at this stage: the vehicle's height and roll over the floor, and the links' timing.
+/// Prints the results of a run at this stage: the vehicle's height and roll over the floor, and the links' timing.
 fn describe(rig: &Rig, stripes: &Path) -> Result<(), CliError> {
     let (mut heights_m, mut rolls_rad, mut round_trips_s, mut clock) =
         (Vec::new(), Vec::new(), Vec::new(), None);

@@ -15,12 +15,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What the runs are for.
+/// Purpose of the runs.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum For {
     /// The vehicle's coefficients
     Identify,
-    /// Which physics the rig leaves out
+    /// Physics that the rig leaves out
     Diagnose,
 }
 
@@ -42,7 +42,7 @@ pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// What the runs are for
+    /// Purpose of the runs
     #[arg(
         long = "for",
         value_enum,
@@ -50,7 +50,7 @@ pub struct Args {
         default_value = "identify"
     )]
     purpose: For,
-    /// How many plans (1 to 20)
+    /// Number of plans (1 to 20)
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=20), allow_negative_numbers = true, value_name = "N")]
     plans: u8,
     /// Length of each (5 s to 10 min)
@@ -82,7 +82,6 @@ pub struct Args {
 /// Shortest and longest plan \[s\]: one shorter than a vehicle's time constants says little, one longer is two plans.
 const LENGTHS_S: [f64; 2] = [5.0, 600.0];
 
-/// Length of a plan.
 fn length(text: &str) -> Result<Duration, String> {
     let length = inputs::some_duration(text)?;
     match length.as_secs_f64() {
@@ -137,7 +136,7 @@ pub fn run(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What a run by a plan says of each DOF's coefficients: to how many per cent the least known of them is known by it alone.
+/// Relative sd of the least known coefficient of each driven DOF by a run of this plan alone, in words \[%\].
 fn known(set: &Set, p: &Designed) -> Vec<String> {
     let keys = ["x_", "y_", "z_", "k_", "m_", "n_"];
     let driven = (0..6).filter(|d| p.largest[*d] > 0.0);
@@ -216,10 +215,10 @@ fn print(set: &Set, rig: &str, out: Option<&Path>) {
     }
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Found<'a> {
-    /// How far each DOF reaches by itself, SNAME order \[N, N m\].
+    /// Largest load of each DOF driven by itself, SNAME order \[N, N m\]; 0 = not driven.
     reach: [f64; 6],
     /// Plans in the order in which they say most.
     plans: Vec<FoundPlan<'a>>,
@@ -240,7 +239,7 @@ struct FoundPlan<'a> {
     duration_s: f64,
     /// Largest load per DOF, SNAME order \[N, N m\].
     largest: [f64; 6],
-    /// What it is expected to say beside those before it \[nats\].
+    /// Information to expect from it beside those before it \[nats\].
     gain_nats: f64,
     /// Standard deviation of each coefficient by this run alone, as a share of its size.
     relative_sd_alone: BTreeMap<&'a str, f64>,

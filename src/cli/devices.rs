@@ -27,7 +27,7 @@ pub struct Args {
     long: bool,
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Listed<'a> {
     /// Cameras, and nodes that look like one.

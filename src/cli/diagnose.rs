@@ -185,7 +185,7 @@ fn command() -> String {
     format!("hydroline {}", words.join(" "))
 }
 
-/// What of a rig was written anew.
+/// Parts of a rig that were written anew, in words.
 fn changed(before: &Rig, after: &Rig) -> String {
     let known = after.identified.as_ref();
     let keys = known.map_or_else(Vec::new, |k| k.coefficients.clone());
@@ -212,7 +212,7 @@ fn changed(before: &Rig, after: &Rig) -> String {
 /// Effects that a sentence names of those that the runs cannot show.
 const NAMED: usize = 4;
 
-/// What these runs cannot show, in a sentence.
+/// Sentence on the effects that these runs cannot show.
 fn blind(spots: &[String]) -> String {
     let named = spots[..spots.len().min(NAMED)].join("; ");
     match spots.len() - spots.len().min(NAMED) {

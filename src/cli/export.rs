@@ -55,21 +55,22 @@ pub struct Args {
     json: bool,
 }
 
-/// What `export --merged --json` prints.
+/// Output of `export --merged --json`.
 #[derive(serde::Serialize, schemars::JsonSchema)]
 pub(super) struct MergedRows {
     /// Rows by file.
     rows: BTreeMap<String, usize>,
 }
 
-/// What was made of a log.
+/// Result of one log's export.
 enum Made {
-    /// It is there already.
     UpToDate,
     /// Tables and images.
     Files(Exported),
-    /// One table.
-    Merged { rows: usize, note: Option<String> },
+    Merged {
+        rows: usize,
+        note: Option<String>,
+    },
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
@@ -130,7 +131,7 @@ fn made(args: &Args, log: &Path, place: &Path, rig: Option<&Rig>) -> Result<Made
         frames: !args.tables_only,
     };
     if args.update && place.is_dir() {
-        // What was broken off is made anew.
+        // An export that was broken off is made anew.
         take_back(place)?;
         if is_done(place, log) {
             return Ok(Made::UpToDate);

@@ -39,7 +39,7 @@ pub struct Args {
     /// The whole-pixel stripe of the paper (central pixel) instead of the sub-pixel one
     #[arg(long)]
     whole_pixel: bool,
-    /// Which way the line runs: horizontal = one point per column, row_px at sub-pixel; vertical = one
+    /// Direction of the line: horizontal = one point per column, row_px at sub-pixel; vertical = one
     /// point per row, column_px at sub-pixel (sd_px is of the one at sub-pixel)
     #[arg(long, value_enum, default_value = "horizontal")]
     orientation: LineOrientation,
@@ -136,7 +136,7 @@ fn csv(several: bool, path: &Path, profile: &Profile) -> std::io::Result<()> {
     Ok(())
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed {
     /// The images that could be read, in the order given.
@@ -146,7 +146,7 @@ pub(super) struct Printed {
 /// The stripe of an image; its lists have one entry per point.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Stripe {
-    /// File.
+    /// Path of the image.
     image: PathBuf,
     /// Width of the image \[px\].
     width_px: usize,

@@ -255,7 +255,6 @@ fn source(exposures: &[Exposure]) -> String {
     )
 }
 
-/// What was found, for a person.
 fn print_found(exposures: &[Exposure], found: &Flat) {
     let [gamma, gamma_sd] = found.gamma;
     let [black, black_sd] = found.black_levels;
@@ -288,7 +287,7 @@ fn print_found(exposures: &[Exposure], found: &Flat) {
     }
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed<'a> {
     /// γ of g = b + 255 (L/255)^γ, and its standard deviation.
@@ -311,7 +310,7 @@ pub(super) struct Printed<'a> {
     places: [usize; 2],
     /// The exposures in the order given.
     exposures: Vec<PrintedExposure<'a>>,
-    /// What a person should know of it.
+    /// Remarks on the result for a person.
     remarks: &'a [String],
     /// The table `[camera.response]` for the rig file.
     toml: String,
@@ -324,7 +323,7 @@ struct PrintedExposure<'a> {
     name: &'a str,
     /// Exposure time \[us\].
     exposure_us: f64,
-    /// Frames.
+    /// Number of frames.
     frames: usize,
     /// Share by which it is brighter than its time says; `None` = it was not used.
     light_off_share: Option<f64>,

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 /// Each visible subcommand once, under the job it is for.
-pub(crate) const GROUPS: &[(&str, &[&str])] = &[
+pub const GROUPS: &[(&str, &[&str])] = &[
     ("First steps", &["demo", "rig", "plan", "devices", "check"]),
     (
         "At the tank",

@@ -35,7 +35,7 @@ enum Search {
     Ga,
 }
 
-/// What makes a result that a script should stop at.
+/// Property of a result at which a script should stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FailOn {
     /// Residuals that the noise does not explain: too large for it (chi2), or far from white
@@ -43,7 +43,7 @@ enum FailOn {
 }
 
 impl FailOn {
-    /// What of it is in the result, one sentence each.
+    /// Sentences of the result that show it; empty where it does not have it.
     fn found(self, result: &Identification) -> &[String] {
         match self {
             FailOn::Misfit => &result.misfit,
@@ -92,11 +92,11 @@ pub struct Args {
     /// Rig file or built-in name: mass, inertia, thrusters, and where the search starts
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// How to search. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
+    /// Search method. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
     /// lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0), with which `cargo bench --bench identify` runs
     #[arg(long, value_enum, default_value = "lm")]
     method: Search,
-    /// What the search minimises; intervals always come from the least squares
+    /// Objective that the search minimises; intervals always come from the least squares
     #[arg(long, value_enum, default_value = "ls")]
     objective: Loss,
     /// surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
@@ -242,7 +242,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// What --fail-on names, once everything is printed and written.
+/// Fails where the result has what --fail-on names, once everything is printed and written.
 fn judged(args: &Args, result: &Identification) -> Result<(), CliError> {
     let mut wanted = args.fail_on.clone();
     wanted.dedup();
@@ -400,7 +400,7 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
     Ok(runs)
 }
 
-/// What a measured thrust curve does to the result: the thrust scale is identifiable then, its uncertainty comes in.
+/// Takes a measured thrust curve into the result: the thrust scale is identifiable then, its uncertainty comes in.
 fn thrust_scale(
     args: &Args,
     rig: &Rig,

@@ -10,10 +10,10 @@ use hydroline_core::frame::{
 use hydroline_log::image_topic;
 use std::path::{Path, PathBuf};
 
-/// How grey levels come out of images.
+/// Conversion of images to grey levels.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct GreyArgs {
-    /// What of a colour image is read: luma, or the laser's red, green or blue; default: the rig's laser.channel, else luma
+    /// Part of a colour image that is read: luma, or the laser's red, green or blue; default: the rig's laser.channel, else luma
     #[arg(long, value_parser = channel, value_name = "CHANNEL")]
     channel: Option<Channel>,
     /// Bits that samples of 16 really have, right-aligned (8 to 16); default: the rig's camera.bits, else 16
@@ -22,7 +22,7 @@ pub struct GreyArgs {
 }
 
 impl GreyArgs {
-    /// What was said, else what `rig` says.
+    /// Rule of these arguments, where one is not given that of `rig`.
     pub fn over(&self, rig: GreyRule) -> GreyRule {
         GreyRule {
             channel: self.channel.unwrap_or(rig.channel),

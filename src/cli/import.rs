@@ -50,7 +50,7 @@ pub struct Args {
     /// Table (CSV or text) or log of another program to import
     #[arg(value_name = "DATA")]
     data: PathBuf,
-    /// What its columns are
+    /// Map that says what its columns are
     #[arg(long, value_name = "MAP.toml", required_unless_present = "guess")]
     map: Option<PathBuf>,
     /// Log to write
@@ -73,7 +73,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed<'a> {
     /// Whether the log was written.
@@ -82,13 +82,12 @@ pub(super) struct Printed<'a> {
     samples: Option<usize>,
     /// Commands written; `None` = no log.
     commands: Option<usize>,
-    /// What was left out; `None` = no log.
+    /// Numbers of rows and cells that were left out; `None` = no log.
     lost: Option<Lost>,
-    /// What was found in the table.
+    /// Findings in the data.
     findings: &'a [Finding],
 }
 
-/// What may be imported.
 enum Input {
     Table(TableFile),
     Log(Recording),

@@ -65,7 +65,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 /// A rig by file or built-in name.
 pub fn rig(argument: &str) -> Result<Rig, CliError> {
     let rig = Rig::load_or_builtin(argument)?;
-    // Which effects there are is the simulator's knowledge, not the rig file's.
+    // The simulator knows the effects that there are, the rig file does not.
     EffectStack::<f64>::build(&rig.physics)
         .map_err(|e| CliError::Config(format!("{argument}: [[physics]]: {e}")))?;
     Ok(rig)

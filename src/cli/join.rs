@@ -32,19 +32,19 @@ pub struct Args {
     /// Log to write
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
-    /// What is added to the commands' stamps, at the first of them [s]; default: found. Between two files whose clocks count from zeros of their own it is what lies between those clocks
+    /// Time that is added to the commands' stamps, at the first of them [s]; default: found. Between two files whose clocks count from zeros of their own it is what lies between those clocks
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
     offset_s: Option<f64>,
-    /// How well --offset-s is known (one standard deviation) [s]
+    /// Standard deviation of --offset-s [s]
     #[arg(long, value_name = "S", default_value = "0", requires = "offset_s", value_parser = inputs::not_negative)]
     offset_sd_s: f64,
-    /// How much faster the motion's clock goes [ppm]; default: found with the offset; beside a given one 0 with an sd of 50
+    /// Rate by which the motion's clock is faster [ppm]; default: found with the offset; beside a given one 0 with an sd of 50
     #[arg(long, value_name = "PPM", allow_negative_numbers = true, value_parser = parts)]
     drift_ppm: Option<f64>,
-    /// How well --drift-ppm is known (one standard deviation) [ppm]
+    /// Standard deviation of --drift-ppm [ppm]
     #[arg(long, value_name = "PPM", default_value = "0", requires = "drift_ppm", value_parser = inputs::not_negative)]
     drift_sd_ppm: f64,
-    /// How far from the stamps an offset is looked for [s]
+    /// Largest offset from the stamps that is looked for [s]
     #[arg(long, value_name = "S", default_value = "600", value_parser = inputs::not_negative)]
     search_s: f64,
     /// Rig file or built-in name: what load the commands of its thrusters are

@@ -44,12 +44,13 @@ mod paper;
 mod plan;
 mod predict;
 mod print;
+#[cfg(feature = "lab")]
+#[doc(hidden)]
+pub mod printed;
 mod progress;
 #[cfg(feature = "lab")]
 mod prove;
 mod record;
-#[cfg(feature = "lab")]
-pub mod reference;
 mod remembered;
 mod replay;
 #[cfg(feature = "lab")]
@@ -67,7 +68,9 @@ use hydroline_core::build_info::BuildInfo;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
-pub use outcome::{CliError, Outcome, exit_code};
+#[doc(hidden)]
+pub use groups::GROUPS;
+pub use outcome::{CliError, EXIT_CODES, Outcome, exit_code};
 
 /// A rig by file or built-in name, checked as every command does.
 pub fn load_rig(argument: &str) -> Result<hydroline_rigs::Rig, CliError> {
@@ -88,7 +91,7 @@ pub fn extract_file(
     Ok(extractor.extract(&found))
 }
 
-/// What `extract --json` prints of one image.
+/// Output of `extract --json` for one image.
 ///
 /// # Errors
 /// [`CliError::Run`] where it cannot be written as JSON.
@@ -170,7 +173,7 @@ Examples:
     Calibrate(Box<calibrate::Args>),
     /// The daemon: camera and thrusters into one log
     Record(Box<record::Args>),
-    /// What is in a log
+    /// Contents of a log
     Info(log_tools::InfoArgs),
     /// Is a log sound? Every finding with its next step
     Doctor(log_tools::DoctorArgs),
@@ -188,7 +191,7 @@ Examples:
     Join(join::Args),
     /// Hydrodynamic coefficients with their uncertainty
     Identify(identify::Args),
-    /// Which physics the model left out, and proof
+    /// Physics that the model left out, and proof
     Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
     Predict(predict::Args),

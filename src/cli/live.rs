@@ -36,7 +36,7 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 /// A page that is being shown.
 #[derive(Debug)]
 pub struct Shown {
-    /// What the run publishes to.
+    /// Feed that the run publishes to.
     pub feed: Arc<Feed>,
     _server: Server,
 }
@@ -103,7 +103,7 @@ impl Shown {
     }
 }
 
-/// What the page is called: the rig, and the file or the plan.
+/// Title of the page: the rig, and the file or the plan.
 pub fn title(parts: &[&str]) -> String {
     parts.join(" \u{b7} ")
 }

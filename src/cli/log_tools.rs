@@ -86,7 +86,7 @@ fn expression(text: &str) -> Result<Regex, String> {
     built.map_err(|e| format!("{e}; write a regular expression, `\\.` for a full stop"))
 }
 
-/// What a file turned out to be.
+/// Kind of a file, with its contents.
 enum Looked {
     /// A log (MCAP of anyone).
     Log(Box<LogInfo>),
@@ -99,7 +99,7 @@ enum Looked {
 pub(super) struct LogInfo {
     #[serde(flatten)]
     info: hydroline_log::info::Info,
-    /// What a map of `import` can name in it; absent where it is nothing.
+    /// Fields that a map of `import` can name in it; absent where there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     importable: Option<Contents>,
     /// Why `import` can take nothing of a log of another program; absent where it can.

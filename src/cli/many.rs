@@ -1,9 +1,9 @@
-//! What commands share that take one log or many: folders opened up, a bad log reported and skipped, what is done left.
+//! Parts common to commands that take one log or many: folders opened up, a bad log reported and skipped, finished ones left.
 
 use super::print::{self, errln};
 use super::{CliError, Outcome};
 use hydroline_log::Closing;
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,23 +19,23 @@ pub const RECORDINGS: &[&str] = &["mcap", "db3", "bin", "tlog", "ulg"];
 pub struct Many {
     /// In the order given, those of a folder by their names.
     pub logs: Vec<PathBuf>,
-    /// What each is called where results of several lie together: its path in the folder that was named, or its name.
+    /// Name of each where results of several lie together: its path in the folder that was named, or its file name.
     names: Vec<PathBuf>,
     /// One log that was named itself: a command says of it what it always said, and ends as it ends.
     pub single: bool,
 }
 
-/// What is printed of one log of several with --json, a line each.
+/// Line of one log of several with --json.
 #[derive(Serialize, schemars::JsonSchema)]
 struct Line<'a, T> {
     /// The log.
     log: &'a Path,
-    /// What is printed of one log.
+    /// Output of one log.
     #[serde(flatten)]
     result: T,
 }
 
-/// What is printed of a log that could not be used.
+/// Output for a log that could not be used.
 #[derive(Serialize, schemars::JsonSchema)]
 struct Refused {
     /// Why there is nothing else.
@@ -137,10 +137,7 @@ impl Many {
         let mut outcome = Outcome::Done;
         let mut bad: Vec<CliError> = Vec::new();
         for logs in self.logs.chunks(at_a_time.max(1)) {
-            let done: Vec<Result<T, CliError>> = match logs {
-                [log] => vec![of(log)],
-                logs => logs.par_iter().map(|log| of(log)).collect(),
-            };
+            let done = parallel::map_slice(logs, |log| of(log));
             for (log, done) in logs.iter().zip(done) {
                 match done.and_then(|made| report(log, made)) {
                     Ok(Outcome::Done) => {}

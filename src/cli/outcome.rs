@@ -15,8 +15,7 @@ const BAD_INPUT: u8 = 2;
 const LOSSY: u8 = 3;
 
 /// Every exit code: number, name, meaning.
-#[cfg_attr(not(feature = "lab"), allow(dead_code))]
-pub(crate) const EXIT_CODES: [(u8, &str, &str); 4] = [
+pub const EXIT_CODES: [(u8, &str, &str); 4] = [
     (DONE, "done", "The command came to its end."),
     (
         FAILED,
@@ -38,7 +37,7 @@ pub(crate) const EXIT_CODES: [(u8, &str, &str); 4] = [
 /// A command that came to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Done.
+    /// The whole result is there.
     Done,
     /// Done, but something was lost; the words were already printed.
     Lossy,
@@ -53,22 +52,22 @@ impl Outcome {
 
 /// Why a command has no result.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CliError {
-    /// What was given cannot be used: arguments, a config file, an input file.
+    /// Input that cannot be used: arguments, a config file, an input file.
     #[error("{0}")]
     Config(String),
-    /// The run itself failed.
     #[error("{0}")]
     Run(String),
 }
 
 impl CliError {
-    /// What was given is to blame, by anything that can be shown.
+    /// Error of the input, from anything that can be shown.
     pub(crate) fn config(error: impl std::fmt::Display) -> Self {
         Self::Config(error.to_string())
     }
 
-    /// The run failed, by anything that can be shown.
+    /// Error of the run, from anything that can be shown.
     pub(crate) fn run(error: impl std::fmt::Display) -> Self {
         Self::Run(error.to_string())
     }

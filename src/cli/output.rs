@@ -11,7 +11,7 @@ use std::io::{Cursor, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-/// How results meet what is there.
+/// Treatment of result files that are there already.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct Output {
     /// Replaces result files that are there already (logs are never replaced)

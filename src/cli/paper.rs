@@ -96,7 +96,7 @@ fn ending(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-/// How large, on how many pages.
+/// Size of the print; of a tiled one the number of pages.
 fn size(args: &PaperArgs, sheet: &Sheet, pages: &[Page]) -> String {
     match (args.tile, pages.last()) {
         (Some(paper), Some(last)) => format!(

@@ -170,7 +170,7 @@ fn listed(
     Ok(made)
 }
 
-/// What to add to a refusal: the size that fits, and how to get it.
+/// Advice to add to a refusal: the size that fits, and how to get it.
 pub fn size_that_fits(
     rig: &Rig,
     plan: &Plan,
@@ -186,7 +186,7 @@ pub fn size_that_fits(
                 "at {share} of its loads{most} it fits: `hydroline plan show {named} --scale {share} --toml > fits.toml`, then --plan fits.toml"
             )
         }
-        // What keeps it from running is said already.
+        // The refusal says already why it does not run.
         Ok(None) | Err(_) => {
             "no smaller size of it fits: change the rig's start pose, limits or target".to_owned()
         }

@@ -62,7 +62,7 @@ pub struct Args {
 /// Names of what a report's folder may hold.
 const REPORT_FILES: [&str; 2] = ["predict.html", "predict.svg"];
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Serialize, schemars::JsonSchema)]
 pub(super) struct Printed<'a> {
     #[serde(flatten)]

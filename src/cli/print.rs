@@ -13,7 +13,7 @@ use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::Mutex;
 
-/// What became of a stream of results.
+/// State of a stream of results.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 enum State {
     #[default]

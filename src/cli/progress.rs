@@ -125,7 +125,7 @@ impl Stages {
         }
     }
 
-    /// How far a stage is.
+    /// Shows the progress within a stage, in words.
     pub fn at(&self, stage: &str) {
         let mut now = self.stage_now.now.held();
         stage.clone_into(&mut now.stage);

@@ -19,7 +19,7 @@ use hydroline_lab::benchmark::score::Score;
 use hydroline_lab::benchmark::score::complaint;
 use hydroline_lab::benchmark::{Case, coupled, export, images};
 use hydroline_lab::benchmark::{
-    Category, How, Judged, Kept, catalogue, judge, make, run as prove, score, table,
+    Category, How, Judged, Kept, ProveError, catalogue, judge, make, run as prove, score, table,
 };
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -124,17 +124,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         return coupled(args, count, kept.as_ref());
     }
     let ids = catalogue(args.cases, args.category);
-    let bar = progress::bar(ids.len() as u64, "cases");
     let started = std::time::Instant::now();
-    let done = |j: &Judged| {
-        if let Some(line) = complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = prove(args.seed, &ids, how(args), kept.as_ref(), &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept.as_ref());
+    let run = |done: Done<'_, Judged>| prove(args.seed, &ids, how(args), kept.as_ref(), done);
+    let judged = under_bar(ids.len(), "cases", kept.as_ref(), complaint, run)?;
     let total = score(&judged);
     if args.json {
         let (seed, score, cases) = (args.seed, &total, judged.as_slice());
@@ -151,6 +143,29 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         );
     }
     Ok(Outcome::Done)
+}
+
+/// Called with each case that is done.
+type Done<'a, J> = &'a (dyn Fn(&J) + Sync);
+
+/// Runs cases under a progress bar and complains of each that went wrong as it ends.
+fn under_bar<J>(
+    count: usize,
+    what: &'static str,
+    kept: Option<&Kept>,
+    complaint: fn(&J) -> Option<String>,
+    run: impl FnOnce(Done<'_, J>) -> Result<Vec<J>, ProveError>,
+) -> Result<Vec<J>, CliError> {
+    let bar = progress::bar(count as u64, what);
+    let judged = run(&|j: &J| {
+        if let Some(line) = complaint(j) {
+            bar.suspend(|| errln!("{line}"));
+        }
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    say_other_builds(kept);
+    Ok(judged)
 }
 
 /// Cases laid down for other tools.
@@ -174,7 +189,7 @@ fn exported(args: &Args, folder: &Path) -> Result<Outcome, CliError> {
     Ok(Outcome::Done)
 }
 
-/// What only the key of a case knows.
+/// Truth about a case, which only its key holds.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Key<'a> {
     /// The effects that are there.
@@ -187,7 +202,7 @@ struct Key<'a> {
     disturbance: &'a Disturbance,
     /// The fault of the data, where there is one.
     fault: Option<&'a Fault>,
-    /// What the instruments do wrong.
+    /// Flaws of the instruments.
     flaws: &'a [Flaw],
 }
 
@@ -305,17 +320,9 @@ fn how(args: &Args) -> How {
 }
 
 fn images(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
-    let bar = progress::bar(count as u64, "image cases");
     let indices: Vec<usize> = (0..count).collect();
-    let done = |j: &images::ImageJudged| {
-        if let Some(line) = images::complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = images::run(args.seed, &indices, kept, &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept);
+    let run = |done: Done<'_, ImageJudged>| images::run(args.seed, &indices, kept, done);
+    let judged = under_bar(count, "image cases", kept, images::complaint, run)?;
     if args.json {
         let (seed, images) = (args.seed, judged.as_slice());
         print::json(&ProvedImages { seed, images })?;
@@ -326,17 +333,9 @@ fn images(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, Cli
 }
 
 fn coupled(args: &Args, count: usize, kept: Option<&Kept>) -> Result<Outcome, CliError> {
-    let bar = progress::bar(count as u64, "coupled cases");
     let indices: Vec<usize> = (0..count).collect();
-    let done = |j: &coupled::CoupledJudged| {
-        if let Some(line) = coupled::complaint(j) {
-            bar.suspend(|| errln!("{line}"));
-        }
-        bar.inc(1);
-    };
-    let judged = coupled::run(args.seed, &indices, kept, &done)?;
-    bar.finish_and_clear();
-    say_other_builds(kept);
+    let run = |done: Done<'_, CoupledJudged>| coupled::run(args.seed, &indices, kept, done);
+    let judged = under_bar(count, "coupled cases", kept, coupled::complaint, run)?;
     if args.json {
         let (seed, coupled) = (args.seed, judged.as_slice());
         print::json(&ProvedCoupled { seed, coupled })?;
@@ -366,7 +365,7 @@ fn printed(args: &Args, object: &(impl Serialize + JsonSchema)) -> Result<(), Cl
     }
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Proved<'a> {
     /// Seed of all cases.
@@ -377,7 +376,7 @@ pub(super) struct Proved<'a> {
     cases: &'a [Judged],
 }
 
-/// What `--images N --json` prints.
+/// Output of `--images N --json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ProvedImages<'a> {
     /// Seed of all cases.
@@ -386,7 +385,7 @@ pub(super) struct ProvedImages<'a> {
     images: &'a [ImageJudged],
 }
 
-/// What `--coupled N --json` prints.
+/// Output of `--coupled N --json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct ProvedCoupled<'a> {
     /// Seed of all cases.
@@ -395,7 +394,7 @@ pub(super) struct ProvedCoupled<'a> {
     coupled: &'a [CoupledJudged],
 }
 
-/// What `--only ID` prints.
+/// Output of `--only ID`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct One<'a> {
     /// Id of the case.
@@ -404,26 +403,26 @@ pub(super) struct One<'a> {
     seed: u64,
     /// The whole verdict, as `diagnose --json` prints it.
     verdict: Option<&'a Verdict>,
-    /// What only the key of the case knows.
+    /// Truth about the case, which only its key holds.
     key: Key<'a>,
     /// The case with its score, as `prove --json` prints each of its `cases`.
     judged: &'a Judged,
 }
 
-/// What `--only image-N` prints.
+/// Output of `--only image-N`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct OneImage<'a> {
     /// Id of the case.
     id: &'a str,
     /// Seed of the case.
     seed: u64,
-    /// What the images say, as `diagnose --json` prints it; `null` = nothing was found in them.
+    /// Verdict on the images, as `diagnose --json` prints it; `null` = nothing was found in them.
     verdict: Option<Verdict>,
     /// The case with its score, as `prove --images N --json` prints each of its `images`.
     judged: &'a ImageJudged,
 }
 
-/// What `--only coupled-N` prints.
+/// Output of `--only coupled-N`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct OneCoupled<'a> {
     /// Id of the case.

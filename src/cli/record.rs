@@ -1,5 +1,6 @@
 //! `hydroline record`: the daemon on the command line.
 
+mod series;
 pub(super) mod until;
 
 use super::bring_back::{self, NearArgs, Way};
@@ -18,7 +19,7 @@ use hydroline_capture::CaptureCounts;
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
-use hydroline_core::shutdown::{Shutdown, StopReason};
+use hydroline_core::shutdown::Shutdown;
 use hydroline_daemon::calibrate::{Setup, medium};
 use hydroline_daemon::record::{
     self, Job, Parts, PoseCounts, Report, SessionInput, Status, keys::Keys,
@@ -30,7 +31,7 @@ use hydroline_stripe::ExtractorConfig;
 use hydroline_thruster::service::check_set;
 use schemars::JsonSchema;
 use serde::Serialize;
-use std::cell::Cell;
+use series::{Alike, AtTank, Session, Work};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -182,21 +183,28 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let calibration = args.using.load()?;
     if args.next || args.until_decided {
         let shown = args.live.start(true)?;
-        let session = Session {
-            plan: None,
-            conditions: &conditions,
-            build,
-            shown: shown.as_ref(),
-            tank: tank.as_ref(),
-            ended: Cell::new(false),
-        };
         let calibration = match calibration {
             None => {
                 Memory::of_user().for_run(args.remember, &rig, medium::of_run(&rig, &conditions))?
             }
             given => given,
         };
-        return until::run(&rig, &session, args, calibration);
+        let session = Session {
+            args,
+            rig: &rig,
+            conditions: &conditions,
+            build,
+            shown: shown.as_ref(),
+            tank: tank.as_ref(),
+        };
+        let proposing = until::Proposing::begin(&session, calibration.clone())?;
+        let work = Work::Proposed(Box::new(proposing));
+        let calibrating = Calibrating {
+            calibration,
+            calibrate: None,
+            out: None,
+        };
+        return AtTank::new(&session, work, calibrating)?.run();
     }
     if args.yes || !args.dof.is_empty() {
         let flag = if args.yes { "--yes" } else { "--dof" };
@@ -243,19 +251,25 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         out: calibration_out,
     };
     let shown = args.live.start(!args.no_thrusters)?;
-    let mut reports = Vec::new();
-    let rigs = run_rigs(&rig, check.as_ref(), args.runs);
     let session = Session {
-        plan: plan.as_ref(),
+        args,
+        rig: &rig,
         conditions: &conditions,
         build,
         shown: shown.as_ref(),
         tank: tank.as_ref(),
-        ended: Cell::new(false),
     };
-    let result = record_all(&rigs, &session, args, calibrating, &outs, &mut reports);
+    let work = Work::Alike(Alike {
+        plan: plan.as_ref(),
+        rigs: run_rigs(&rig, check.as_ref(), args.runs),
+        outs,
+    });
+    let mut series = AtTank::new(&session, work, calibrating)?;
+    let result = series.run();
     if args.json {
-        print::json(&Printed { runs: &reports })?;
+        print::json(&Printed {
+            runs: &series.reports,
+        })?;
     }
     result
 }
@@ -287,147 +301,6 @@ fn run_rigs(rig: &Rig, check: Option<&Preflight>, runs: u32) -> Vec<Rig> {
         .collect()
 }
 
-/// What all runs of a session share.
-struct Session<'a> {
-    plan: Option<&'a Plan>,
-    conditions: &'a Conditions,
-    build: BuildInfo,
-    shown: Option<&'a Shown>,
-    tank: Option<&'a Rig>,
-    /// A run was ended by a person: no other follows.
-    ended: Cell<bool>,
-}
-
-impl Session<'_> {
-    /// Whether STOP was pressed on the live page: no run follows, as after Space.
-    fn stopped(&self) -> bool {
-        self.shown.is_some_and(Shown::stopped)
-    }
-
-    /// The live page's view of one run.
-    fn live(&self, rig: &Rig, out: &Path, run: (u32, u32)) -> Option<hydroline_daemon::live::Live> {
-        let file = out.file_name().unwrap_or_default().to_string_lossy();
-        let mut parts = vec![rig.name.clone(), file.into_owned()];
-        if run.1 > 1 {
-            parts.push(format!("run {} of {}", run.0, run.1));
-        }
-        let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
-        Some(self.shown?.run(live::title(&parts), out))
-    }
-}
-
-/// Run after run; a run that fails or is stopped is the last one.
-fn record_all(
-    rigs: &[Rig],
-    session: &Session<'_>,
-    args: &Args,
-    mut calibrating: Calibrating,
-    outs: &[PathBuf],
-    reports: &mut Vec<Recorded>,
-) -> Result<Outcome, CliError> {
-    let Session {
-        plan,
-        conditions,
-        build,
-        ..
-    } = *session;
-    let mut outcome = Outcome::Done;
-    for (k, (out, rig)) in outs.iter().zip(rigs).enumerate() {
-        let run = (k as u32 + 1, args.runs);
-        let recording = Recording {
-            rig,
-            plan,
-            conditions,
-            run,
-            length: args.length,
-            ready_within: args.ready_within,
-            with_thrusters: !args.no_thrusters,
-            calibration: calibrating
-                .calibration
-                .clone()
-                .map(|c| checked(args, rig, conditions, c))
-                .transpose()?,
-            calibrate: calibrating.calibrate.clone(),
-            build,
-            live: session.live(rig, out, run),
-            tank: session.tank,
-        };
-        let report = recording.record(out)?;
-        if let Some(accepted) = report.calibration.as_ref().and_then(|c| c.accepted.clone()) {
-            if let Some(file) = calibrating.out.take() {
-                store(&file, &accepted)?;
-            }
-            Memory::of_user().keep_and_say(Some(rig), &accepted);
-            // In force from the next run on; in this log the coordinates keep to one map.
-            calibrating.calibrate = None;
-            calibrating.calibration = Some(accepted);
-        }
-        if args.json {
-            reports.push(json_report(out, &report));
-        } else {
-            print_report(out, &report);
-        }
-        let unfinished = calibrating.calibrate.is_some().then(|| {
-            let missing = report.calibration.as_ref().map(|c| c.missing.as_str());
-            format!(
-                "no calibration was accepted: {}. The log is whole: `hydroline calibrate {} --board ...` makes the best of it",
-                missing.unwrap_or("no frame was analysed"),
-                out.display()
-            )
-        });
-        let misplaced: Vec<String> = report.log.misplaced.iter().map(|m| m.to_string()).collect();
-        for words in &misplaced {
-            errln!("hydroline: {words}");
-        }
-        match &report.stop {
-            StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {
-                return Err(CliError::Run(report.stop.to_string()));
-            }
-            // Recorded as planned, but not where it was to be: what comes next would not find it.
-            _ if !misplaced.is_empty() => {
-                return Err(CliError::Run(
-                    "the log is not where it was to be written, as said above".to_owned(),
-                ));
-            }
-            StopReason::LogStopped(_) => return Ok(Outcome::Lossy),
-            _ if unfinished.is_some() => {
-                return Err(CliError::Run(unfinished.unwrap_or_default()));
-            }
-            StopReason::Asked(_) => {
-                session.ended.set(true);
-                return Ok(lossy(&report, outcome));
-            }
-            StopReason::Finished | StopReason::PlanCut(_) | StopReason::SourceEnded => {
-                outcome = lossy(&report, outcome);
-            }
-        }
-        if run.0 == run.1 {
-            break;
-        }
-        let goes_on = settle(args.settle, session)?
-            && (!args.return_to_start || {
-                let next = (run.0 + 1, run.1);
-                bring_back::wait(&Way {
-                    rig,
-                    map: Arc::from(recording.in_force().0.to_map()),
-                    near: args.near,
-                    run: next,
-                    live: session.live(rig, outs.get(k + 1).unwrap_or(out), next),
-                    stopped: &|| session.stopped(),
-                })?
-            });
-        if !goes_on {
-            errln!(
-                "hydroline: stopped between runs; {} of {} runs are recorded",
-                run.0,
-                run.1
-            );
-            return Ok(outcome);
-        }
-    }
-    Ok(outcome)
-}
-
 /// The calibration with what must be said of its use in this run.
 fn checked(
     args: &Args,
@@ -442,7 +315,17 @@ fn checked(
         conditions.salinity_gpkg,
     );
     let image = Some(ImageSize::of(&rig.camera));
-    let (calibration, warning) = args.using.fit_to_run(calibration, run, index, image)?;
+    args.using.fit_to_run(calibration, run, index, image)
+}
+
+/// The same, with its warning printed.
+fn checked_aloud(
+    args: &Args,
+    rig: &Rig,
+    conditions: &Conditions,
+    calibration: Calibration,
+) -> Result<(Calibration, Option<String>), CliError> {
+    let (calibration, warning) = checked(args, rig, conditions, calibration)?;
     if let Some(words) = &warning {
         errln!("hydroline: {words}");
     }
@@ -461,28 +344,7 @@ fn store(file: &Path, calibration: &Calibration) -> Result<(), CliError> {
     Ok(())
 }
 
-fn lossy(report: &Report, before: Outcome) -> Outcome {
-    // While it searches for a board, the board stands where the target would.
-    let searched = report.calibration.is_some();
-    let few = report.poses.as_ref().filter(|p| !searched && p.few());
-    if let Some(poses) = few {
-        let most = poses.none.iter().max_by_key(|(_, n)| **n);
-        let why = most.filter(|(_, n)| **n >= poses.flagged);
-        errln!(
-            "hydroline: only {} of {} frames looked at have a pose; most often: {}",
-            poses.fitted + poses.opening,
-            poses.looked_at(),
-            why.map_or("a pose that is not to be relied on", |(reason, _)| reason)
-        );
-    }
-    if report.lost_anything() || few.is_some() {
-        Outcome::Lossy
-    } else {
-        before
-    }
-}
-
-/// How the runs follow each other, for the simulation before them.
+/// Sequence of the runs, for the simulation before them.
 fn repeats(plan: &Plan, args: &Args) -> Repeats {
     let length_s = args
         .length
@@ -747,7 +609,7 @@ fn show(bar: &indicatif::ProgressBar, status: &Status) {
     ));
 }
 
-/// What --json prints.
+/// Runs as --json prints them.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed<'a> {
     /// The runs in turn.
@@ -773,7 +635,7 @@ struct Recorded {
     frames_analysed: u64,
     /// Frames that a newer one replaced before that; `replay` extracts all.
     frames_not_analysed: u64,
-    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    /// Account of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
     poses: Option<PoseCounts>,
     /// Sets of commands sent; `None` = without thrusters.
     command_sets: Option<u64>,
@@ -790,11 +652,11 @@ struct Recorded {
 struct RecordedCalibration {
     /// Whether one was accepted.
     accepted: bool,
-    /// What it claims, in words; `None` = none was accepted.
+    /// Its claim, in words; `None` = none was accepted.
     claim: Option<String>,
-    /// How well its map fits the nodes of the board; `None` = none was accepted.
+    /// Residuals of the board's nodes under its map; `None` = none was accepted.
     residuals: Option<Residuals>,
-    /// What is missing for one, in words; empty where it was accepted.
+    /// Things that are missing for one, in words; empty where it was accepted.
     missing: String,
 }
 

@@ -3,28 +3,21 @@
 //! Each is a calibration file like any other, with one line more that names its camera. A run finds the latest for its
 //! camera, image size and medium, of its board before any other, and says which it took.
 
-mod words;
-
 use super::CliError;
 use super::print::errln;
-use hydroline_calib::analytic::IdealMap;
-use hydroline_calib::calibration::MapParameters;
-use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{CalibError, Calibration, ImageSize, Medium};
 use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
 use hydroline_daemon::calibrate::medium;
-use hydroline_rigs::{CameraBackend, DeviceIdentity, Rig};
+use hydroline_daemon::remembered::{Remembered, Wanted, camera, file_name, latest};
+use hydroline_rigs::Rig;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use words::{age, circumstances, fit, made};
 
 /// The line of a file that names the camera.
 const CAMERA_LINE: &str = "# camera: ";
-/// Characters of a camera or board in a file's name: three parts and a time fit the 255 bytes of a name.
-const NAME_CHARACTERS: usize = 60;
 
 /// By which calibration runs will be seen, for what is checked before them.
 #[derive(Debug, clap::Args)]
@@ -58,90 +51,18 @@ pub struct RememberArgs {
     no_remembered: bool,
 }
 
-/// What a run needs a calibration for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Wanted {
-    /// As [`camera`] names it.
-    pub camera: String,
-    /// Size and crop are part of a map.
-    pub image: ImageSize,
-    /// What the light goes through.
-    pub medium: Medium,
-    /// The rig's board, whose calibrations come first.
-    pub board: Option<String>,
-}
-
-/// A remembered calibration.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Remembered {
-    /// Where it lies.
-    pub path: PathBuf,
-    /// Its camera.
-    pub camera: String,
-    /// Itself.
-    pub calibration: Calibration,
-}
-
-/// What keeps a calibration from being remembered.
+/// Reason that a calibration is not remembered.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RememberError {
     #[error(
         "neither XDG_DATA_HOME nor HOME names a folder; set one, or give the file with --calibration"
     )]
     NoFolder,
-    /// The file could not be written.
     #[error("{path}: {reason}; give the calibration's own file with --calibration")]
     NotWritten { path: PathBuf, reason: String },
     #[error(transparent)]
     Unwritable(#[from] CalibError),
-}
-
-/// What makes a camera this one: its identity on the bus; of a simulated one the rig's numbers, which are its truth.
-/// `None` for a bare /dev/videoN: tomorrow another camera may have that number.
-pub fn camera(rig: &Rig) -> Option<String> {
-    match &rig.camera.backend {
-        CameraBackend::V4l(DeviceIdentity::ById(name)) => Some(format!("by-id {name}")),
-        // A socket, not a camera: at least the rig that it belongs to is the same.
-        CameraBackend::V4l(DeviceIdentity::ByPath(name)) => {
-            Some(format!("by-path {name} of rig {}", rig.name))
-        }
-        CameraBackend::V4l(DeviceIdentity::Node(_)) => None,
-        CameraBackend::Sim => match IdealMap::of(rig).describe().map {
-            MapParameters::Ideal(p) => Some(format!(
-                "sim {} f {:.2} {:.2} c {:.2} {:.2} at {:.4} {:.4} tilt {:.5}",
-                rig.name,
-                p.fx_px,
-                p.fy_px,
-                p.cx_px,
-                p.cy_px,
-                p.eta_c_m,
-                p.zeta_c_m,
-                p.camera_tilt_rad
-            )),
-            _ => None,
-        },
-    }
-}
-
-/// The latest that fits, of the rig's board before any other: a map holds for a camera and what is before it, whichever
-/// board has made it.
-fn latest(all: Vec<Remembered>, wanted: &Wanted) -> Option<Remembered> {
-    let fits = |r: &Remembered| {
-        let c = &r.calibration;
-        r.camera == wanted.camera
-            && c.medium == wanted.medium
-            && c.image.is_none_or(|image| image == wanted.image)
-    };
-    let of_board = |r: &Remembered| wanted.board.is_some() && r.calibration.board == wanted.board;
-    all.into_iter()
-        .filter(fits)
-        .max_by(|a, b| (of_board(a), key(a)).cmp(&(of_board(b), key(b))))
-}
-
-/// By time, then by name.
-fn key(r: &Remembered) -> (Option<SystemTime>, &Path) {
-    (made(&r.calibration), &r.path)
 }
 
 /// The folder of remembered calibrations.
@@ -237,30 +158,8 @@ impl Memory {
     /// The latest for a run, and whatever must be said of it; nothing is taken without words.
     pub fn find(&self, wanted: &Wanted, now: SystemTime) -> (Option<Remembered>, Vec<String>) {
         let (all, mut words) = self.all();
-        let same_camera: Vec<String> = all
-            .iter()
-            .filter(|r| r.camera == wanted.camera)
-            .map(|r| circumstances(&r.calibration))
-            .collect();
-        let found = latest(all, wanted);
-        match &found {
-            Some(r) => words.push(format!(
-                "no --calibration: the remembered one of {} is used: {}, {}: {} (--calibration FILE takes another, --no-remembered none)",
-                age(&r.calibration, now),
-                circumstances(&r.calibration),
-                fit(&r.calibration),
-                r.path.display()
-            )),
-            None if !same_camera.is_empty() => words.push(format!(
-                "no --calibration, and none of the {} remembered for this camera is for {} and {} x {} px; there is: {}",
-                same_camera.len(),
-                wanted.medium.name(),
-                wanted.image.width_px,
-                wanted.image.height_px,
-                same_camera.join("; ")
-            )),
-            None => {}
-        }
+        let (found, said) = latest(all, wanted, now);
+        words.extend(said);
         (found, words)
     }
 
@@ -309,27 +208,6 @@ fn read(path: &Path) -> Result<Remembered, String> {
         camera: camera.to_owned(),
         calibration,
     })
-}
-
-/// Time, camera, medium and board.
-fn file_name(camera: &str, calibration: &Calibration) -> String {
-    let plain = |text: &str| -> String {
-        let kept = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-        text.chars().take(NAME_CHARACTERS).map(kept).collect()
-    };
-    let date: String = calibration
-        .date
-        .as_deref()
-        .unwrap_or("undated")
-        .chars()
-        .filter(char::is_ascii_alphanumeric)
-        .collect();
-    format!(
-        "{date}_{}_{}_{}.toml",
-        plain(camera),
-        calibration.medium.name(),
-        plain(calibration.board.as_deref().unwrap_or("none"))
-    )
 }
 
 #[cfg(test)]

@@ -90,7 +90,7 @@ pub struct Args {
     json: bool,
 }
 
-/// What a run may show of the rig.
+/// Property of the rig that a run may show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Refine {
     /// The laser sheet's thickness
@@ -105,7 +105,7 @@ enum Refine {
     FloorSlope,
 }
 
-/// What of it can be refined; what no image shows is refused with the reason.
+/// Properties asked for that can be refined; those that no image shows are refused with the reason.
 fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
     let has = |what: Refine| asked.contains(&what);
     if has(Refine::TargetOffset) {
@@ -128,7 +128,7 @@ fn wanted(asked: &[Refine]) -> Result<Option<Wanted>, CliError> {
     }))
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed {
     /// The logs in the order given.
@@ -143,7 +143,7 @@ pub(super) struct Printed {
 struct Refused {
     /// The log, or a folder of images.
     log: PathBuf,
-    /// Why.
+    /// Reason why it was not replayed.
     error: String,
 }
 
@@ -154,7 +154,7 @@ struct Replayed {
     log: PathBuf,
     /// The new log.
     out: PathBuf,
-    /// What came of its frames.
+    /// Report on its frames.
     report: Report,
 }
 
@@ -259,7 +259,7 @@ fn readable(args: &Args, log: &Path) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What is given for all logs: rig, calibration, live page.
+/// Inputs common to all logs: rig, calibration, live page.
 type ForAll<'a> = (Option<&'a Rig>, Option<&'a Calibration>, Option<&'a Shown>);
 
 /// The same in the place of an older or broken-off one, which stays until this one is whole.
@@ -323,7 +323,7 @@ fn each(
         outcome = Outcome::Lossy;
     }
     for (name, words) in &report.damaged_metadata {
-        // What is given in its place was not used.
+        // A rig or calibration that is given takes the place of the damaged one.
         let replaced =
             name == "rig" && rig.is_some() || name == "calibration" && calibration.is_some();
         if replaced {
@@ -368,7 +368,7 @@ fn own_rig(log: &Path) -> Option<String> {
     LogReader::open(log).ok()?.rig_toml().map(str::to_owned)
 }
 
-/// What keeps a replay from being a whole result: frames that nobody can read, or that mostly have no pose.
+/// Reason why a replay is no whole result: frames that nobody can read, or that mostly have no pose.
 fn lacks(report: &Report) -> Option<String> {
     if report.undecodable > 0 {
         return Some(format!(
@@ -439,7 +439,7 @@ fn options(
         false => Some(LogReader::open(log)?),
     };
     let reader = reader.as_ref();
-    // What does not read may be damage, not somebody's mistake.
+    // A rig or calibration that does not read may be damaged, not somebody's mistake.
     let findings = reader.map(LogReader::seal_findings).unwrap_or_default();
     let damaged: Vec<_> = findings.into_iter().filter(|f| f.damaged()).collect();
     let named = |what: &str| {

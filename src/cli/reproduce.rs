@@ -20,9 +20,9 @@ enum What {
     All,
     /// Accuracy of the six formulas, each in its own motion
     Table3,
-    /// What disturbances do to surge, sway and heave
+    /// Changes that disturbances cause in surge, sway and heave
     Table4,
-    /// What disturbances do to roll, pitch and yaw
+    /// Changes that disturbances cause in roll, pitch and yaw
     Table5,
     /// Surge coefficients through rendered frames, three conditions, paper's and joint estimators (with Table 7)
     Table10,
@@ -55,7 +55,7 @@ Examples:
 
 Exit codes: 0 done; 1 a table cannot be computed; 2 bad arguments or target.")]
 pub struct Args {
-    /// What to compute
+    /// Table, figure or study to compute
     #[arg(value_enum, value_name = "WHAT")]
     what: What,
     /// Takes every n-th frame of the paper's animations only (table3, table7, figures). The formulas of table7 follow
@@ -401,7 +401,7 @@ fn print_table7(runs: &[SurgeRun]) {
     }
 }
 
-/// What --json prints: the table or figure under its name.
+/// Output of `--json`: the table or figure under its name.
 pub(super) type Printed<'a, T> = std::collections::BTreeMap<&'static str, &'a T>;
 
 fn print<T: serde::Serialize + schemars::JsonSchema>(

@@ -66,7 +66,7 @@ pub struct Args {
     /// Free text for the log
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
-    /// What is simulated is the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
+    /// Simulates the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
     #[arg(long, value_name = "RIG")]
     tank: Option<String>,
     /// The log's first second, e.g. 2026-05-04T09:30:00Z; default: 2020-09-13T12:26:40Z
@@ -80,7 +80,7 @@ pub struct Args {
     out: PathBuf,
 }
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct Printed<'a> {
     /// The log.

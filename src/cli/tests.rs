@@ -1,4 +1,4 @@
-//! What the command line says of itself: help, groups, manual pages, completions, from one definition.
+//! Help, groups, manual pages and completions of the command line, from one definition.
 
 use super::groups::GROUPS;
 use super::{command, completions, man};

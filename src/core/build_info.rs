@@ -1,4 +1,4 @@
-//! Which build of hydroline is at work: said by `--version` and at the head of every log.
+//! Build of hydroline that is at work: printed by `--version`, written at the head of every log.
 //!
 //! The binary knows (its build script asks git) and hands it down; a room used as a library by someone else's program
 //! knows its version and no commit.
@@ -8,7 +8,7 @@ use std::fmt;
 /// Version of the workspace: all its crates carry the same.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What a build script writes where it knows nothing.
+/// Value that a build script writes where it knows nothing.
 const UNKNOWN: &str = "unknown";
 
 /// Version, commit and state of the sources that a binary was built from.

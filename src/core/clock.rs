@@ -119,12 +119,6 @@ impl ManualClock {
         now.boottime_ns += ns;
     }
 
-    /// Steps CLOCK_REALTIME alone, as NTP or an operator would.
-    pub fn step_realtime(&self, by_ns: i64) {
-        let mut now = self.lock();
-        now.realtime_ns = now.realtime_ns.saturating_add_signed(by_ns);
-    }
-
     fn lock(&self) -> std::sync::MutexGuard<'_, ClockTriple> {
         self.now
             .lock()

@@ -1,4 +1,4 @@
-//! What happened to the daemon itself: goes to `/daemon/event`, never dropped.
+//! Events of the daemon itself: go to `/daemon/event`, never dropped.
 
 pub mod kind;
 
@@ -6,7 +6,7 @@ pub use kind::{EventKind, EventValue};
 
 use std::borrow::Cow;
 
-/// How bad it is.
+/// Severity of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// Worth knowing.
@@ -22,9 +22,9 @@ pub enum Severity {
 pub struct Event {
     /// When it was true, UNIX \[ns\].
     pub timestamp_ns: u64,
-    /// How bad.
+    /// Severity of the event.
     pub severity: Severity,
-    /// What has happened, by the list of [`kind`].
+    /// Kind, from the list of [`kind`].
     pub kind: &'static EventKind,
     /// One sentence for a person, with the numbers in it.
     pub message: String,

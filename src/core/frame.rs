@@ -18,7 +18,7 @@ pub use still::{StillError, hidden_in_still, read_still, still_format, still_siz
 pub enum StampClock {
     /// The driver does not say.
     Unknown,
-    /// CLOCK_MONOTONIC.
+    /// The kernel's CLOCK_MONOTONIC.
     Monotonic,
     /// Copied from an output buffer.
     Copy,
@@ -40,7 +40,7 @@ pub enum StampSource {
 /// Why a frame is kept but excluded from analysis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameFault {
-    /// V4L2_BUF_FLAG_ERROR.
+    /// Marked as damaged by the driver (V4L2_BUF_FLAG_ERROR).
     DriverError,
     /// Fewer bytes than the format needs.
     Truncated,
@@ -59,7 +59,7 @@ pub struct LossBefore {
     pub time_gap: u32,
 }
 
-/// What is known about a frame apart from its pixels.
+/// Metadata of a frame: number, stamps, exposure and faults.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameMeta {
     /// The driver's sequence number.
@@ -158,66 +158,46 @@ pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
 
 /// Why a frame has no grey image.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FrameError {
-    /// No camera makes such an image: the numbers come from a damaged or forged log.
     #[error(
         "frame {sequence}: an image of {width_px} x {height_px} pixels with {stride_bytes} bytes a row; sides of 1 to {SIDE_MAX_PX} are read, of a colour mosaic from 2"
     )]
     Geometry {
-        /// Driver sequence.
         sequence: u32,
-        /// Width \[px\].
         width_px: u32,
-        /// Height \[px\].
         height_px: u32,
-        /// Bytes per row.
         stride_bytes: u32,
     },
-    /// A compressed image that claims more than is unpacked.
     #[error(
         "frame {sequence}: a compressed image of {got:?} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked"
     )]
     TooLarge {
-        /// Driver sequence.
         sequence: u32,
         /// Width, height in the image.
         got: (u32, u32),
     },
-    /// Too few bytes for the format.
     #[error(
         "frame {sequence}: {} {width_px}x{height_px} needs {needed} bytes, got {got}",
         format.name()
     )]
     Short {
-        /// Driver sequence.
         sequence: u32,
-        /// Format.
         format: PixelFormat,
-        /// Width \[px\].
         width_px: u32,
-        /// Height \[px\].
         height_px: u32,
-        /// Bytes needed.
         needed: u64,
-        /// Bytes there.
         got: usize,
     },
-    /// The decoder refused.
     #[error("frame {sequence}: {format} does not decode: {reason}")]
     Undecodable {
-        /// Driver sequence.
         sequence: u32,
-        /// JPEG or PNG.
         format: &'static str,
-        /// Decoder's words.
         reason: String,
     },
-    /// A compressed image's own size differs from the negotiated one.
     #[error("frame {sequence}: {format} is {got:?}, negotiated {wanted:?}")]
     CompressedSize {
-        /// Driver sequence.
         sequence: u32,
-        /// JPEG or PNG.
         format: &'static str,
         /// Width, height in the image.
         got: (u32, u32),

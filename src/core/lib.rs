@@ -1,4 +1,4 @@
-//! What every room speaks of: clocks, events, frames, recorded runs, shutdown, the build and the conditions of a session. No devices, no files.
+//! Vocabulary of all rooms: clocks, events, frames, recorded runs, shutdown, build, conditions of a session. No devices, no files.
 //!
 //! ```
 //! use hydroline_core::{clock::{Clock, ManualClock}, water::refractive_index};
@@ -23,6 +23,5 @@ pub mod plain;
 pub mod run;
 pub mod session;
 pub mod shutdown;
-pub mod synthetic;
 pub mod thread_class;
 pub mod water;

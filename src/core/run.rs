@@ -44,7 +44,7 @@ pub struct Run {
     pub commands: Vec<Command>,
     /// Strictly ascending in time.
     pub samples: Vec<Sample>,
-    /// What was measured beside the motion; it drives and is not explained.
+    /// Companions measured beside the motion; they drive it and are not explained.
     pub companions: Companions,
     /// Every thruster command carried its pulse: loads come from the rig's curves, not from the log.
     pub from_pulses: bool,
@@ -52,7 +52,7 @@ pub struct Run {
     pub noise_at_rest: Option<StillNoise>,
     /// Motion and commands are of two clocks.
     pub joined: Option<Joined>,
-    /// What was odd about the data, one sentence each.
+    /// Oddities of the data, one sentence each.
     pub notes: Vec<String>,
 }
 

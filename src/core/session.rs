@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Laser wavelength for the refractive index \[nm\]: the green line lasers of the field.
 const WAVELENGTH_NM: f64 = 532.0;
 
-/// What only the person at the tank knows.
+/// Conditions that only the person at the tank knows.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Conditions {
     /// Free text.

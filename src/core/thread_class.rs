@@ -32,7 +32,7 @@ pub fn step_back(niceness: i32) {
 
 /// Ahead of every ordinary thread of the machine (`SCHED_RR`), for a thread that sleeps almost always. Measured with six
 /// times as many busy threads as cores: the thruster thread waits 0.003 ms for its turn in the mean, 0.41 ms without.
-/// What it cannot help: a terminal's bytes are delivered by the kernel's own ordinary worker threads.
+/// Limit: a terminal's bytes are delivered by the kernel's own ordinary worker threads.
 ///
 /// Threads started from it are ordinary again.
 ///

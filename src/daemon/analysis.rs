@@ -1,4 +1,4 @@
-//! What one frame says: the same code live (`record`, `aim`) and offline (`replay`), so that
+//! Analysis of one frame: the same code live (`record`, `aim`) and offline (`replay`), so that
 //! the two agree bit for bit. A result depends on the frame and the calibration alone.
 
 use hydroline_calib::plane::PlaneMap;

@@ -3,12 +3,13 @@
 //! A state machine over measured poses and their times; no camera and no clock. [`finder`] measures them.
 
 pub mod finder;
+pub mod question;
 
 use std::f64::consts::TAU;
 use std::fmt;
 use std::time::Duration;
 
-/// How near the start is near enough.
+/// Tolerance within which the start is near enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StartTolerance {
     /// Across the floor \[m\].
@@ -54,7 +55,7 @@ impl Seen {
     }
 }
 
-/// What is left to do, in the vehicle's own directions. What the frame does not show is absent.
+/// The way that is left, in the vehicle's own directions. What the frame does not show is absent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Left {
     /// Forward; negative = back \[m\].
@@ -79,7 +80,7 @@ impl Left {
         // Fossen 2011, Eq. 2.30: from the tank's axes to the vehicle's.
         let forward = along * cos + across * sin;
         let right = -along * sin + across * cos;
-        // What is mostly along the axis that is not seen is not known.
+        // A direction that lies mostly along the axis that is not seen is not known.
         let lengthwise = cos.abs() > sin.abs();
         let (fore_seen, side_seen) = if lengthwise {
             (dx.is_some(), dy.is_some())
@@ -138,7 +139,7 @@ pub enum Stage {
     Away(Left),
     /// Within the tolerance, not long enough.
     Arriving(Left),
-    /// There.
+    /// Held within the tolerance for long enough.
     Back(Left),
 }
 

@@ -32,7 +32,7 @@ use hydroline_rigs::{Board, FlatPort, Rig};
 const SHARE_OF_TOLERANCE: f64 = 0.25;
 /// Tolerance of a map without a rig \[m\]: a quarter of the rig file's default of 2 mm.
 const TOLERANCE_M: f64 = 0.5e-3;
-/// How well the sheet's thickness is known beforehand, of itself.
+/// Prior sd of the sheet's thickness, as a share of it.
 const SHEET_SIGMA_SD: f64 = 0.1;
 
 /// A port where rig and arguments name none: a usual one.
@@ -41,14 +41,14 @@ const PORT: FlatPort = FlatPort {
     glass_m: 0.01,
 };
 
-/// What is looked for, and under which conditions.
+/// Board to look for, and the conditions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
     /// The board in the sheet.
     pub board: Board,
     /// Map to fit.
     pub method: Method,
-    /// What the light goes through.
+    /// Medium that the light goes through.
     pub medium: Medium,
     /// The rig, if known: without one nothing is said about the board's distance from the sheet.
     pub rig: Option<Rig>,
@@ -91,7 +91,7 @@ impl Setup {
         }
     }
 
-    /// What the rig file and a ruler know of camera, port and water before the fit.
+    /// Prior of camera, port and water, from the rig file and a ruler.
     fn prior(&self, rig: &Rig) -> RefractivePrior {
         let n_water = medium::index(self.medium);
         // A rig without water of its own states the focal length as it works in the tank.
@@ -203,7 +203,6 @@ pub fn see(setup: &Setup, image: &GreyImage, reason: bool) -> Result<Sighting, N
 pub struct Pose {
     online: OnlineCalibration,
     status: Option<Status>,
-    /// The newest detection.
     last: Option<Detection>,
     image: Option<ImageSize>,
 }

@@ -1,4 +1,4 @@
-//! What `record`, `aim`, `simulate` and `replay` give to the live page.
+//! Feeds the live page from `record`, `aim`, `simulate` and `replay`.
 //!
 //! Nothing here knows of sockets: it fills a [`Feed`], which keeps the newest and waits for nobody.
 
@@ -17,10 +17,10 @@ use outline::Outline;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Where a run shows itself.
+/// Live page of a run.
 #[derive(Debug, Clone)]
 pub struct Live {
-    /// What viewers and run share.
+    /// Feed that viewers and run share.
     pub feed: Arc<Feed>,
     /// The rig, and the log.
     pub title: String,

@@ -69,14 +69,14 @@ pub struct Parts {
     pub live: Option<Live>,
 }
 
-/// What to do.
+/// Task of a recording.
 #[derive(Debug, Clone)]
 pub struct Job {
     /// The rig.
     pub rig: Rig,
     /// The plan to run; `None` = thrusters stay at neutral.
     pub plan: Option<Plan>,
-    /// How long to record from the moment camera (and, with a plan, controller) are ready; `None` = until stopped.
+    /// Length of the recording from the moment camera (and, with a plan, controller) are ready; `None` = until stopped.
     pub length: Option<Duration>,
     /// Longest wait for the first good frame (and for the controller, when there is a plan).
     pub ready_within: Duration,
@@ -108,10 +108,10 @@ pub struct Status {
     pub calibration: Option<String>,
 }
 
-/// How a recording went.
+/// Account of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Why it ended.
+    /// Reason why it ended.
     pub stop: StopReason,
     /// The camera's account.
     pub capture: CaptureCounts,
@@ -119,17 +119,17 @@ pub struct Report {
     pub analysed: u64,
     /// Frames a newer one replaced before the analysis got to them.
     pub skipped: u64,
-    /// What became of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
+    /// Stripes that were offered to the pose's fit, by outcome; `None` = no poses in this recording.
     pub poses: Option<PoseCounts>,
     /// The thruster service's counters.
     pub thrusters: Option<ServiceStats>,
     /// The log's end.
     pub log: LogOutcome,
-    /// How a calibration in the making ended; `None` when none was asked for or no frame was seen.
+    /// Outcome of a calibration in the making; `None` when none was asked for or no frame was seen.
     pub calibration: Option<Calibrating>,
 }
 
-/// What became of the stripes that were offered to the pose's fit.
+/// Numbers of the stripes that were offered to the pose's fit, by outcome.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct PoseCounts {
     /// Poses in the log.
@@ -167,8 +167,9 @@ impl Report {
     }
 }
 
-/// Why a recording could not be made.
+/// Failure to make a recording.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RecordError {
     /// The thruster service did not start.
     #[error(transparent)]
@@ -176,20 +177,16 @@ pub enum RecordError {
     /// The rig's thrusters do not work together.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
     /// A thread or the signal handlers could not be set up.
     #[error("cannot start the {what}: {source}")]
     Start {
-        /// Which part.
         what: &'static str,
-        /// Why.
         source: std::io::Error,
     },
 }
 
-/// What the threads share.
 struct Shared {
     recorder: Recorder,
     clock: Arc<dyn Clock>,
@@ -410,7 +407,7 @@ pub fn run(
     })
 }
 
-/// What a viewer needs before the first frame: intrinsics and the map to the laser plane.
+/// Logs all that a viewer needs before the first frame: intrinsics and the map to the laser plane.
 fn announce(shared: &Shared, rig: &Rig, map: Option<&dyn PlaneMap>, searching: bool) {
     let now_ns = shared.clock.triple().realtime_ns;
     shared

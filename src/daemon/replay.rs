@@ -64,7 +64,7 @@ pub struct Options {
     pub keep_images: bool,
     /// The extractor's settings.
     pub extractor: ExtractorConfig,
-    /// How grey levels come out of the frames: the rig's.
+    /// Rule by which grey levels come out of the frames: the rig's.
     pub rule: GreyRule,
     /// Topic of the images where it is not ours.
     pub image_topic: Option<String>,
@@ -90,7 +90,7 @@ pub struct Options {
     pub live: Option<(Live, Option<Box<Rig>>)>,
 }
 
-/// What a replay found.
+/// Account of a replay.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Report {
     /// Frames in the log.
@@ -125,11 +125,11 @@ pub struct Report {
     pub calibrates: bool,
     /// The camera's response that the poses were fitted with.
     pub response: Option<ResponseReport>,
-    /// What the frames were found to share, where it was asked for.
+    /// Geometry that the frames were found to share, where it was asked for.
     pub refined: Option<RefineReport>,
     /// Clipping that the frames' luma hides, in words.
     pub hidden_clipping: Option<String>,
-    /// What binding the frames did, where it was asked for.
+    /// Account of binding the frames, where it was asked for.
     pub smoothed: Option<SmoothReport>,
     /// Commands carried over.
     pub commands: u64,
@@ -146,7 +146,7 @@ impl Options {
         Input::open(log, self)
     }
 
-    /// What counts as at rest: the tolerance of the rig in force, else the default one (2 mm, 0.1°).
+    /// Tolerance within which a vehicle counts as at rest: that of the rig in force, else the default one (2 mm, 0.1°).
     fn tolerance(&self) -> [f64; 2] {
         self.rig_toml
             .as_deref()
@@ -167,9 +167,9 @@ impl Report {
     }
 }
 
-/// Why a replay failed.
+/// Failure of a replay.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ReplayError {
     #[error(transparent)]
     Log(#[from] LogError),
@@ -179,7 +179,6 @@ pub enum ReplayError {
     Refine(#[from] RefineError),
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
-    /// The rig's thrusters make no wrench.
     #[error("the rig's dynamics cannot be used to smooth: {reason}")]
     Dynamics { reason: String },
     #[error(
@@ -527,7 +526,7 @@ impl Replay<'_> {
                 }
                 Entry::echo(&echo)
             }
-            // What the daemon measured live from this frame was computed again above.
+            // Poses that the daemon measured live from this frame were computed again above.
             Record::Motion(motion) if self.is_posed(&motion) => return Ok(()),
             Record::Pose(pose) if self.is_posed(&pose) => return Ok(()),
             Record::Motion(motion) => {
@@ -545,7 +544,7 @@ impl Replay<'_> {
                 }
                 Entry::event_message(&event)
             }
-            // What was in force while recording gives way to what is in force here; one in the making stays.
+            // The calibration in force while recording gives way to the one in force here; one in the making stays.
             Record::PlaneCalibration(old) if is_in_the_making(&old) => {
                 self.report.calibrates = true;
                 Entry::plane_calibration(&old)

@@ -13,7 +13,7 @@ use serde::Serialize;
 /// Kind of the event.
 pub static KIND: &EventKind = &kind::CAMERA_RESPONSE;
 
-/// What is held: names of the event's values, and behind `camera.response.` of the summary's; their variances and covariances
+/// Numbers of a response: names of the event's values, and behind `camera.response.` of the summary's; variances and covariances
 /// go by the names of both.
 const NAMES: [&str; OF_RUN] = [
     "ln_gamma",
@@ -40,7 +40,7 @@ const CONTRADICT_LEAST: f64 = 0.05;
 const LN_GAMMA_MOST: f64 = 3.0;
 const BLACK_MOST_LEVELS: f64 = 255.0;
 const LINE_MOST: f64 = 1.0;
-/// What a covariance's determinant may be below zero by, as a share of its diagonal.
+/// Amount by which a covariance's determinant may be below zero, as a share of its diagonal.
 const ROUNDING: f64 = 1e-9;
 
 /// The numbers of what is held and of the lower triangle of its covariance, by name.
@@ -66,7 +66,7 @@ fn covariance_name(of: &str, with: &str) -> String {
 /// A response, and the number of frames that it was found in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// What was found; `None` where too few frames showed it: unknown.
+    /// Response that was found; `None` where too few frames showed it: unknown.
     pub response: Option<CameraResponse>,
     /// Frames that showed it.
     pub frames: usize,
@@ -81,7 +81,7 @@ pub struct ResponseReport {
     pub gamma: [f64; 2],
     /// b and its sd \[grey levels\]; without a curve it is one with the background.
     pub black_levels: [f64; 2],
-    /// What the line has across it beyond a Gaussian: Hermite coefficients of orders 3 to 10 and their sds.
+    /// Line's transverse profile beyond a Gaussian: Hermite coefficients of orders 3 to 10 and their sds.
     pub line: [[f64; 2]; OF_RUN - 2],
     /// Whether it was found: else it is as wide as what is thought of cameras beforehand.
     pub known: bool,
@@ -104,7 +104,7 @@ pub struct Stated {
 }
 
 impl Found {
-    /// What to fit with.
+    /// Response to fit with: the unknown one where none was found.
     pub fn in_force(&self) -> CameraResponse {
         self.response.unwrap_or(CameraResponse::UNKNOWN)
     }
@@ -116,7 +116,7 @@ impl Found {
         self.numbers().map(entry).collect()
     }
 
-    /// What an opening found.
+    /// Response that an opening found.
     pub fn of(opening: &Opening) -> Found {
         Found {
             response: opening.response(),
@@ -125,7 +125,7 @@ impl Found {
         }
     }
 
-    /// What a log's summary says; `None` where it says nothing.
+    /// Response that a log's summary states; `None` where it states none.
     pub fn of_metadata(summary: &MetadataMap) -> Option<Found> {
         Found::of_named(|name| summary.get(&format!("{}.{name}", KIND.name))?.parse().ok())
     }
@@ -209,7 +209,7 @@ impl Found {
             .fold(event, |event, (name, value)| event.with(name, value))
     }
 
-    /// What an event says; `None` where it is another one.
+    /// Response that an event states; `None` where it is another event.
     pub fn of_event(event: &pb::Event) -> Option<Found> {
         if event.kind != KIND.name {
             return None;

@@ -11,7 +11,7 @@ use std::io;
 use std::sync::{Mutex, OnceLock};
 use tokio::signal::unix::{SignalKind, signal};
 
-/// What ends a recording in order, thrusters first: left at their default each of these kills the process at once and
+/// Signals that end a recording in order, thrusters first: left at their default each of these kills the process at once and
 /// leaves the thrusters running. systemd's watchdog sends SIGABRT; SIGHUP is a dropped ssh session.
 const ENDING: [(&str, i32); 12] = [
     ("Ctrl-C", libc::SIGINT),
@@ -27,11 +27,11 @@ const ENDING: [(&str, i32); 12] = [
     ("SIGXCPU", libc::SIGXCPU),
     ("SIGPWR", libc::SIGPWR),
 ];
-/// What must not touch the process: a write beyond a limit on a file's size (the log goes on in its next part), and a
+/// Signals that must not touch the process: a write beyond a limit on a file's size (the log goes on in its next part), and a
 /// terminal that would stop it for reading or writing from the background, or at Ctrl-Z.
 const IGNORED: [i32; 4] = [libc::SIGXFSZ, libc::SIGTTIN, libc::SIGTTOU, libc::SIGTSTP];
 
-/// What has been heard.
+/// First signal heard, and the lines that it puts at neutral.
 #[derive(Debug, Default)]
 pub struct Signals {
     heard: OnceLock<&'static str>,

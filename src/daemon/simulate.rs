@@ -28,7 +28,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How to simulate.
+/// Options of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Seed of the images' and the measured motion's noise; `None` = the rig's.
@@ -51,7 +51,7 @@ pub struct Options {
     pub live: Option<Live>,
     /// The log's first second, UNIX \[s\].
     pub start_unix_s: u64,
-    /// What is simulated where that is not the rig that the log names: its vehicle, thrusters' curves and `[[physics]]`.
+    /// Rig that is simulated where it is not the one that the log names: its vehicle, thrusters' curves and `[[physics]]`.
     pub tank: Option<Rig>,
 }
 
@@ -73,9 +73,9 @@ impl Default for Options {
     }
 }
 
-/// Why a plan could not be simulated.
+/// Failure to simulate a plan.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SimulateError {
     #[error(transparent)]
     Sim(#[from] SimError),
@@ -86,7 +86,6 @@ pub enum SimulateError {
     Plan(#[from] SetpointError),
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Noise that is not a standard deviation.
     #[error("noise {value} is not a standard deviation: it must be finite and >= 0")]
     Noise { value: f64 },
     #[error(transparent)]
@@ -282,7 +281,7 @@ fn commands_of<'a>(
     )
 }
 
-/// What the live page shows of it: stripes of the frames that somebody looks at.
+/// Live page of a simulation: stripes of the frames that somebody looks at.
 struct Screen {
     unhurried: Unhurried,
     analyst: Analyst,

@@ -80,7 +80,7 @@ impl SimulatedVehicle {
         } else {
             pulse_us
         };
-        // What was already shown to the camera cannot be changed any more.
+        // Motion that was already shown to the camera cannot be changed any more.
         let t_s = (at_ns.saturating_sub(start_ns) as f64 / 1e9).max(state.last_t_s);
         let pulses = state.pulses_us.clone();
         state.world.command_pulses(t_s, &pulses)
@@ -96,7 +96,7 @@ pub fn motion_message(unix_ns: u64, state: &VehicleState) -> VehicleMotion {
 const BOARD_ROOM: f64 = 150.0;
 /// The line where it faces the laser, on the sides of the gauge blocks: bright, but not saturated \[grey levels\].
 const BOARD_LINE: f64 = 150.0;
-/// What the board's face sends back of a sheet that grazes it.
+/// Share of a sheet's light that the board's face sends back where the sheet grazes it.
 const GRAZING: f64 = 0.1;
 
 /// A calibration board standing in the sheet in front of a simulated camera: fixed to the vehicle, so
@@ -156,7 +156,7 @@ enum Seen {
     Board(Box<BoardInView>),
 }
 
-/// What the simulated vehicle's camera sees.
+/// View of the simulated vehicle's camera.
 pub struct CameraView {
     vehicle: Arc<SimulatedVehicle>,
     seen: Seen,

@@ -1,4 +1,4 @@
-//! What a run by a plan would say: of the vehicle's coefficients, and of what the rig may leave out.
+//! Information of a run by a plan: on the vehicle's coefficients, and on what the rig may leave out.
 
 use hydroline_core::run::{Command, PerChannel};
 use hydroline_inference::fit::Problem;
@@ -37,7 +37,7 @@ struct Asked {
     more: std::ops::Range<usize>,
 }
 
-/// How far two effects are distinguished by a set of runs.
+/// Log Bayes factor by which a set of runs distinguishes two effects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Separation {
     /// One, of typical size, that is there.
@@ -139,7 +139,7 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// How many effects are asked.
+    /// Number of effects that are asked.
     pub fn asked(&self) -> usize {
         self.asked.len()
     }

@@ -5,7 +5,7 @@ use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
 
-/// What is seen of a run that is planned.
+/// Observation of a run that is planned.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watched {
     /// Behind the plan's end \[s\].
@@ -107,7 +107,7 @@ pub fn library(dof: usize, size: f64) -> Vec<Plan> {
     ]
 }
 
-/// What is sent by a plan, and the stamps of what is seen of it \[s\].
+/// Commands that a plan sends, and the stamps at which the run is seen \[s\].
 pub fn run_of(
     rig: &Rig,
     allocation: &Allocation,

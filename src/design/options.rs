@@ -1,10 +1,10 @@
-//! What a set of plans is asked to be.
+//! Options of a set of plans.
 
 use hydroline_calib::calibration::Calibration;
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Dof;
 
-/// What the runs are for.
+/// Purpose of the runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Purpose {
     /// The vehicle's own coefficients (D-optimality).
@@ -47,19 +47,19 @@ impl Default for Instruments {
 /// Options of a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// What for.
+    /// Purpose of the runs; default: the vehicle's coefficients.
     pub purpose: Purpose,
-    /// How many plans.
+    /// Number of plans; default 5.
     pub plans: usize,
     /// Length of each \[s\].
     pub length_s: f64,
-    /// What is watched behind each plan \[s\]: a vehicle's coasting says as much as its drive.
+    /// Time watched behind each plan \[s\], default 5: a vehicle's coasting says as much as its drive.
     pub tail_s: f64,
     /// By which the run will be seen; `None` = the rig's ideal camera.
     pub calibration: Option<Calibration>,
     /// DOFs to drive; empty = all that the thrusters can.
     pub dofs: Vec<Dof>,
-    /// Instruments.
+    /// Noise and rate of the poses to expect.
     pub instruments: Instruments,
     /// Patterns drawn to begin from.
     pub drawn: usize,

@@ -73,7 +73,6 @@ impl Pattern {
         }
     }
 
-    /// As a plan.
     pub fn plan(&self, name: &str) -> Plan {
         let steps = self.lengths.iter().zip(&self.levels).map(|(n, levels)| {
             let load = std::array::from_fn(|d| rounded(levels[d] * self.sizes[d]));
@@ -158,24 +157,13 @@ impl Pattern {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Place {
     /// Level of a DOF in a step.
-    Level {
-        /// Step.
-        step: usize,
-        /// DOF.
-        dof: usize,
-    },
+    Level { step: usize, dof: usize },
     /// Border between a step and the next.
-    Border {
-        /// Step.
-        step: usize,
-    },
+    Border { step: usize },
     /// Load of level 1 of all DOFs.
     All,
     /// Load of level 1.
-    Size {
-        /// DOF.
-        dof: usize,
-    },
+    Size { dof: usize },
 }
 
 #[cfg(test)]

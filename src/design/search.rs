@@ -2,12 +2,12 @@
 //! Meyer and Nachtsheim 1995), each beside those before it.
 
 use hydroline_core::run::Command;
+use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::effect::EffectError;
 use hydroline_sim::{Allocation, ThrustError};
 use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
-use rayon::prelude::*;
 
 use super::judge::{Judge, Separation};
 use super::options::Options;
@@ -23,32 +23,21 @@ const GAINED: f64 = 0.01;
 
 /// Why no plan was made.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum DesignError {
-    /// Its thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// Its physics.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Nothing can be driven.
     #[error(
         "no DOF{} can be driven within tank, [limits] and target: look at the start pose in [tank], at [limits] and at [[thruster]]",
         if asked.is_empty() { String::new() } else { format!(" of {}", asked.iter().map(|d| d.name()).collect::<Vec<_>>().join(", ")) }
     )]
-    NothingDriven {
-        /// Those asked for.
-        asked: Vec<Dof>,
-    },
-    /// No pattern fits.
+    NothingDriven { asked: Vec<Dof> },
     #[error(
         "none of {drawn} patterns of {length_s} s fits into tank, [limits] and target at a twentieth of the vehicle's reach: a shorter --length leaves it less way to go"
     )]
-    NothingFits {
-        /// How many were tried.
-        drawn: usize,
-        /// Their length \[s\].
-        length_s: f64,
-    },
+    NothingFits { drawn: usize, length_s: f64 },
 }
 
 /// A plan of a set.
@@ -56,7 +45,7 @@ pub enum DesignError {
 pub struct Designed {
     /// The plan.
     pub plan: Plan,
-    /// What it is expected to say beside those before it \[nats\].
+    /// Information expected of it beside that of the plans before it \[nats\].
     pub gain_nats: f64,
     /// Largest load per DOF \[N, N m\].
     pub largest: [f64; 6],
@@ -73,7 +62,7 @@ pub struct Designed {
 pub struct Set {
     /// Names of the vehicle's numbers.
     pub own: Vec<&'static str>,
-    /// How far each DOF reaches by itself \[N, N m\].
+    /// Largest load of each DOF by itself \[N, N m\].
     pub reach: Reach,
     /// Plans in the order in which they say most.
     pub plans: Vec<Designed>,
@@ -116,10 +105,8 @@ pub fn design(
         .map(|_| Pattern::drawn(&mut rng, options.length_s, reach))
         .collect();
     progress("patterns that fit");
-    let sized: Vec<Pattern> = drawn
-        .into_par_iter()
-        .filter_map(|pattern| sized(&admission, &pattern))
-        .collect();
+    let sized = parallel::map_slice(&drawn, |pattern| sized(&admission, pattern));
+    let sized: Vec<Pattern> = sized.into_iter().flatten().collect();
     let Some(first) = sized.first() else {
         return Err(DesignError::NothingFits {
             drawn: options.drawn,
@@ -128,16 +115,14 @@ pub fn design(
     };
     let first = first.plan("first");
     let judge = Judge::new(rig, &allocation, &dofs, &first, options)?;
-    let mut pool: Vec<Rated> = sized
-        .into_par_iter()
-        .filter_map(|pattern| {
-            let information = judge.information(&pattern.plan("drawn"))?;
-            Some(Rated {
-                pattern,
-                information,
-            })
+    let pool = parallel::map_owned(sized, |pattern| {
+        let information = judge.information(&pattern.plan("drawn"))?;
+        Some(Rated {
+            pattern,
+            information,
         })
-        .collect();
+    });
+    let mut pool: Vec<Rated> = pool.into_iter().flatten().collect();
     let size = pool.first().map_or(0, |r| r.information.nrows());
     let mut sum = DMatrix::zeros(size, size);
     let mut chosen: Vec<Rated> = Vec::new();
@@ -186,15 +171,14 @@ pub fn not_shown_yet(
     let allocation = Allocation::new(&rig.thrusters)?;
     let dofs: Vec<usize> = (0..6).filter(|d| set.reach[*d] > 0.0).collect();
     let judge = Judge::new(rig, &allocation, &dofs, &first.plan, options)?;
-    let each = runs
-        .par_iter()
-        .filter_map(|(commands, times_s)| judge.whole_of_run(commands, times_s));
-    let each: Vec<DMatrix<f64>> = each.collect();
+    let each = parallel::map_slice(runs, |(commands, times_s)| {
+        judge.whole_of_run(commands, times_s)
+    });
     let Some(planned) = judge.whole(&first.plan) else {
         return Ok(Vec::new());
     };
     let nothing = DMatrix::zeros(planned.nrows(), planned.ncols());
-    let made = each.into_iter().fold(nothing, |a, b| a + b);
+    let made = each.into_iter().flatten().fold(nothing, |a, b| a + b);
     Ok(judge.missing(&planned, &made))
 }
 
@@ -228,27 +212,22 @@ fn improve(
         // As large as it goes first: sizes that are drawn are small, so that they fit.
         let larger = std::iter::repeat_n(Place::All, LARGER);
         for place in larger.chain(places) {
-            let rated = best
-                .pattern
-                .neighbours(place, rng)
-                .into_par_iter()
-                .filter_map(|pattern| {
-                    let plan = pattern.plan("tried");
-                    if !admission.admits(&plan) {
-                        return None;
-                    }
-                    let information = judge.information(&plan)?;
-                    let value = judge.value(&(sum + &information));
-                    Some((
-                        value,
-                        Rated {
-                            pattern,
-                            information,
-                        },
-                    ))
-                });
-            let tried: Vec<(f64, Rated)> = rated.collect();
-            for (v, rated) in tried {
+            let tried = parallel::map_owned(best.pattern.neighbours(place, rng), |pattern| {
+                let plan = pattern.plan("tried");
+                if !admission.admits(&plan) {
+                    return None;
+                }
+                let information = judge.information(&plan)?;
+                let value = judge.value(&(sum + &information));
+                Some((
+                    value,
+                    Rated {
+                        pattern,
+                        information,
+                    },
+                ))
+            });
+            for (v, rated) in tried.into_iter().flatten() {
                 if v > value + GAINED {
                     value = v;
                     best = rated;

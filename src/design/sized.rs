@@ -1,4 +1,4 @@
-//! How far a vehicle's DOFs reach: the largest loads that thrusters give and that tank, limits and target allow.
+//! Reach of a vehicle's DOFs: the largest loads that thrusters give and that tank, limits and target allow.
 
 use hydroline_calib::calibration::Calibration;
 use hydroline_calib::plane::PlaneMap;
@@ -24,7 +24,7 @@ pub type Reach = [f64; 6];
 /// it again.
 const EDGES: u8 = 2;
 
-/// Which plans may be run.
+/// Test of plans against a rig: which of them may be run.
 pub struct Admission {
     /// The vehicle as the rig has it, and one that goes further.
     rigs: Vec<Rig>,
@@ -81,7 +81,6 @@ fn lighter(rig: &Rig, share: f64) -> Rig {
     made
 }
 
-/// One DOF there and back.
 fn there_and_back(dof: usize, load: f64) -> Plan {
     let step = |for_s: f64, share: f64| PlanStep {
         for_s,
@@ -123,7 +122,7 @@ fn saturates_at(allocation: &Allocation, dof: usize) -> Option<f64> {
     (low > 0.0).then_some(low)
 }
 
-/// How far each DOF reaches, all others at neutral.
+/// Largest load of each DOF, all others at neutral \[N, N m\].
 pub fn reach(admission: &Admission, allocation: &Allocation, asked: &[Dof]) -> Reach {
     let mut reach = [0.0_f64; 6];
     for (d, dof) in Dof::ALL.iter().enumerate() {

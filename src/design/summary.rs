@@ -1,4 +1,4 @@
-//! What a set of plans says, plan by plan.
+//! Summary of a set of plans, plan by plan.
 
 use nalgebra::DMatrix;
 

@@ -50,7 +50,7 @@ pub fn diagnose(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
-    // What is fitted to all of one recording has nothing left to predict: its quarters are runs of their own.
+    // A model fitted to all of one recording has nothing left to predict: the recording's quarters are runs of their own.
     let parts = match (sources, held) {
         ([one], []) => stretches(one),
         _ => None,
@@ -120,7 +120,7 @@ pub fn diagnose(
     Ok(made)
 }
 
-/// What the models say, into the verdict.
+/// Writes the findings of the models into the verdict.
 fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.effects = judged.effects();
     verdict.candidates = judged.candidates();

@@ -1,4 +1,4 @@
-//! What a diagnosis gives, and why there is none.
+//! Outcome of a diagnosis, and the reasons why there is none.
 
 use std::ops::ControlFlow;
 
@@ -12,24 +12,21 @@ use super::verdict::{DataFault, Verdict, Word};
 
 /// Why there is no verdict.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum DiagnoseError {
-    /// Nothing to fit.
     #[error(
         "no DOF moves in these {0} log(s): nothing to diagnose; give runs with commands, or a decay"
     )]
     NothingMoves(usize),
-    /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// The frames.
     #[error(transparent)]
     Images(Box<ImageError>),
-    /// No fit.
     #[error(
         "{dof}: the rig's own model gives no finite motion; check its coefficients (all negative) and the commands' units"
     )]
     NoFit {
-        /// DOF.
+        /// DOF, by name.
         dof: &'static str,
     },
 }
@@ -53,7 +50,7 @@ pub struct Diagnosis {
     pub probability: f64,
     /// The word by the motion alone.
     pub by_motion: Word,
-    /// What the frames show, as a section of the report; `None` = none were asked.
+    /// Findings of the frames, as a section of the report; `None` = none were asked.
     pub images: Option<Body>,
     /// Plans for the next run, the best first.
     pub offers: Vec<super::body::next::Offer>,

@@ -5,9 +5,9 @@ mod kinematics;
 
 use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
+use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 
 use super::verdict::DataFault;
 use hydroline_core::run::{Channel, Command, PerChannel, Run};
@@ -27,7 +27,7 @@ const DRIFT_SOME_PPM: f64 = 20.0;
 /// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
 const WAITS_ON_S: f64 = 0.5;
 
-/// What a log holds besides its run.
+/// Records that a log holds besides its run.
 #[derive(Debug, Clone, Default)]
 pub struct Records {
     /// Motion in file order: (stamp \[ns\], channels, NaN = not measured).
@@ -123,7 +123,7 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         .collect()
 }
 
-/// Whether a channel stands only before the first load that moves it: the vehicle waits, and the instrument is coarse.
+/// Whether a channel is constant only before the first load that moves it: the vehicle waits, and the instrument is coarse.
 fn waits(run: &Run, dof: usize, times_s: &[f64], values: &[f64]) -> bool {
     let mut stands = values.chunk_by(|a, b| a == b).map(<[f64]>::len);
     let standing = stands.next().unwrap_or(0);
@@ -240,26 +240,24 @@ fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let Some(r) = recording.runs.first() else {
         return Vec::new();
     };
-    Channel::POSES
-        .into_par_iter()
-        .filter_map(|place| {
-            let each = r.times_s.iter().enumerate();
-            let (times_s, measured): (Vec<f64>, Vec<f64>) = each
-                .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
-                .filter(|(_, m)| m.is_finite())
-                .unzip();
-            let n = measured.len();
-            let used = apart::not_apart(&times_s, &measured);
-            let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
-            (share > OUTLIERS_SOME && n > 50).then(|| {
+    let found = parallel::map_slice(&Channel::POSES, |&place| {
+        let each = r.times_s.iter().enumerate();
+        let (times_s, measured): (Vec<f64>, Vec<f64>) = each
+            .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
+            .filter(|(_, m)| m.is_finite())
+            .unzip();
+        let n = measured.len();
+        let used = apart::not_apart(&times_s, &measured);
+        let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
+        (share > OUTLIERS_SOME && n > 50).then(|| {
                 let channel = place.name();
                 fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)
             })
-        })
-        .collect()
+    });
+    found.into_iter().flatten().collect()
 }
 
-/// What the log's own clock records say of a drift.
+/// Data faults by a drift of clocks, as the log's own clock records show it.
 fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let mut found = Vec::new();
     let span_s = run.end_s();

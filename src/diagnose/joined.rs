@@ -183,7 +183,7 @@ mod tests {
                 .any(|e| e.effect == "command_latency");
             assert_eq!(is_named, named, "{:?}", runs[0].joined);
             assert_eq!(withheld.is_empty(), named);
-            // What is no difference of time stays.
+            // An effect that is no difference of time stays.
             assert_eq!(verdict.verdict, Word::Named);
             assert!(verdict.effects.iter().any(|e| e.effect == "tether_spring"));
         }

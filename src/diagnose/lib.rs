@@ -1,4 +1,4 @@
-//! What was left out: where simulation and recording differ, which physics explains it, and proof.
+//! Missing physics: where simulation and recording differ, which physics explains it, and proof.
 //!
 //! `source` (a log, and with `faults` what is wrong with its data) -> `body` (the models of `hydroline_inference`, weighed: what matters, how
 //! sure, where, what else it may be, which run would tell) -> `verdict` -> `report`. `profiles` asks the same of frames, and
@@ -37,6 +37,10 @@ mod source;
 pub mod until;
 pub mod verdict;
 
+#[cfg(test)]
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
+
 pub use conclude::{DiagnoseError, Diagnosis};
 pub use source::{Part, Source, read};
 pub use verdict::Verdict;
@@ -49,7 +53,7 @@ use hydroline_rigs::{Dof, Rig};
 use profiles::{ImageError, level};
 use verdict::Word;
 
-/// What is known beside logs and rig.
+/// Knowledge beside logs and rig.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Beside<'a> {
     /// DOFs whose measured motion is an input.

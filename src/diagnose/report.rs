@@ -17,7 +17,7 @@ use super::Diagnosis;
 use super::verdict::{Verdict, Word};
 pub use traces::{Runs, Shown, Trace};
 
-/// What `diagnose --report` writes.
+/// Output of `diagnose --report`.
 #[derive(Debug, Clone)]
 pub struct Pages {
     /// The page.

@@ -1,6 +1,6 @@
 //! One recording by itself: the stretches it is made of.
 //!
-//! What is fitted to all of a recording has nothing left to predict. So it is cut into four stretches, each a run of its
+//! A fit to all of a recording has nothing left to predict. So the recording is cut into four stretches, each a run of its
 //! own, and each is predicted by the others.
 
 use hydroline_rigs::{Dof, Rig};
@@ -63,7 +63,7 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
     if !is_decay(run) {
         return None;
     }
-    // What has a place to swing about: roll and pitch.
+    // Only roll and pitch have a place to swing about.
     [Dof::Roll, Dof::Pitch].into_iter().find_map(|dof| {
         let channel = Channel::POSES[dof.index()];
         let rest = run.median(channel)?;

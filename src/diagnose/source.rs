@@ -18,7 +18,7 @@ use hydroline_log::{LogReader, Record};
 pub struct Source {
     /// Commands and motion; of a log of frames alone its name.
     pub run: Run,
-    /// What is wrong with it.
+    /// Faults of its data.
     pub faults: Vec<DataFault>,
     /// Log that holds its frames; `None` = there are none to ask.
     pub frames: Option<PathBuf>,
@@ -193,7 +193,6 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
     })
 }
 
-/// Run and records within a window \[s\].
 fn cut(run: Run, records: &mut Records, from_s: f64, to_s: f64) -> Run {
     let start_ns = run.start_ns;
     records

@@ -42,7 +42,7 @@ impl Default for Options {
     }
 }
 
-/// What comes next.
+/// Next step of a series.
 #[derive(Debug, Clone)]
 pub enum Step {
     /// One of these plans, the best first.
@@ -51,7 +51,7 @@ pub enum Step {
     Decided(Box<Diagnosis>),
     /// It does not, and no run that may still be made is expected to change that.
     Undecided {
-        /// In words.
+        /// Reason, in words.
         why: String,
         /// As far as it goes; none before any run.
         diagnosis: Option<Box<Diagnosis>>,
@@ -63,7 +63,7 @@ pub enum Step {
 pub struct Proposal {
     /// Plans on offer, by expected information, largest first.
     pub offers: Vec<Offer>,
-    /// Why.
+    /// Reason, in words.
     pub reason: String,
     /// Verdict on the runs so far; `None` before the first.
     pub diagnosis: Option<Diagnosis>,
@@ -71,11 +71,10 @@ pub struct Proposal {
 
 /// Why there is no step.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum UntilError {
-    /// The runs.
     #[error(transparent)]
     Diagnose(#[from] DiagnoseError),
-    /// The first plan.
     #[error(transparent)]
     Design(#[from] DesignError),
 }
@@ -114,7 +113,7 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// What to do behind these runs, when so many more may be made.
+    /// Next step behind these runs, when so many more may be made.
     ///
     /// # Errors
     /// [`UntilError`].
@@ -146,7 +145,7 @@ impl<'a> Series<'a> {
         Ok(self.designed.get_or_init(|| set))
     }
 
-    /// What runs cannot show is in no verdict: before one stands, effects of typical size have to show in these runs as they
+    /// Effects that runs cannot show are in no verdict: before one is final, effects of typical size have to show in these runs as they
     /// would in a plan made for that.
     fn look_closer(
         &self,
@@ -232,7 +231,6 @@ fn was_run(plan: &Designed, source: &Source) -> bool {
     driven.iter().all(|(p, l)| (l - p).abs() <= SAME_LOAD * p)
 }
 
-/// A designed plan under another name.
 fn offer(designed: &Designed, name: &str) -> Offer {
     let mut plan = designed.plan.clone();
     name.clone_into(&mut plan.name);
@@ -243,7 +241,6 @@ fn offer(designed: &Designed, name: &str) -> Offer {
     }
 }
 
-/// What a diagnosis asks for.
 fn judge(found: Diagnosis, options: &Options, runs_left: usize) -> Step {
     let word = found.verdict.verdict;
     let undecided = |why: String, found: Diagnosis| Step::Undecided {
@@ -303,7 +300,7 @@ fn wanted_nats(found: &Diagnosis, options: &Options) -> f64 {
     (odds(options.probability) - odds(p)).max(0.0)
 }
 
-/// What is open.
+/// Distance to a decision, in words.
 fn open(found: &Diagnosis, options: &Options) -> String {
     format!(
         "the likeliest explanation has probability {:.2}, {:.2} is asked",

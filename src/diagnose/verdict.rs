@@ -1,15 +1,25 @@
 //! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict). A field that has nothing to say is absent.
 
+mod effect;
+mod mismatch;
+mod prediction;
+mod unexplained;
+mod vehicle;
+
+pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
+pub use mismatch::{DataFault, NoiseFound, Test, Where};
+pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
+pub use unexplained::{ClosedForm, Piece, Unexplained, WrittenForm};
+pub use vehicle::{AtLimit, Parameters};
+
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
 /// Probability from which an effect is established, and goes into a rig.
 pub const ESTABLISHED: f64 = 0.95;
-/// How runs are predicted of which none is held out, in words.
-const BY_THE_OTHERS: &str = "each run by the others";
 
-/// One word. Ordered: of two verdicts on the same logs the later one stands.
+/// Word of a verdict. Ordered: of two verdicts on the same logs the later one holds.
 #[derive(
     Debug,
     Clone,
@@ -51,322 +61,7 @@ impl Word {
     }
 }
 
-/// Whether an effect acts by the library's law.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Law {
-    /// Nothing speaks against it.
-    Exact,
-    /// The mechanism is right, its law is not quite.
-    Inexact,
-}
-
-/// A number with its spread.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Value {
-    /// Estimate.
-    pub value: f64,
-    /// Standard deviation; `None` = not determined.
-    pub sd: Option<f64>,
-}
-
-/// An effect that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Effect {
-    /// Id of the effect.
-    pub effect: String,
-    /// Its parameters that are words, as `dof`.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub words: BTreeMap<String, String>,
-    /// Degree of freedom that it acts in, where its words say so.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub dof: Option<String>,
-    /// Probability that it is part of the explanation.
-    pub probability: f64,
-    /// Probable enough to be written into a rig.
-    pub established: bool,
-    /// Effect size: rms of its part of the motion per channel, after the vehicle's coefficients are refitted \[SI\].
-    pub weight: BTreeMap<String, f64>,
-    /// Whether it is practically significant: effect size above the rig's tolerance.
-    pub matters: bool,
-    /// Whether its law is that of the library.
-    pub law: Law,
-    /// Probability that the law is the library's; absent where that was not asked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub law_exact_probability: Option<f64>,
-    /// How a law that is not exact differs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub law_note: Option<String>,
-    /// Its parameters, SI.
-    pub parameters: BTreeMap<String, Value>,
-    /// Effects that this data cannot tell from it, all others as they are; of those that matter `equivalent`
-    /// holds the complete sets.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub or: Vec<String>,
-    /// What lies outside of what a tank is expected to show.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub notes: Vec<String>,
-}
-
-/// An effect that may be left out, at one place.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Candidate {
-    /// Id of the effect.
-    pub effect: String,
-    /// Its parameters that are words, as `dof`.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub words: BTreeMap<String, String>,
-    /// Probability that it is in the model.
-    pub probability: f64,
-}
-
-/// Where the mismatch acts.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct Where {
-    /// Stage of the heaviest effect.
-    pub stage: Option<String>,
-    /// Degrees of freedom in which the model without effects misses by more than its noise.
-    pub dof: Vec<String>,
-    /// Windows of the first run in which the model without effects misses by more than its noise \[s\].
-    pub windows_s: Vec<[f64; 2]>,
-    /// The same, run by run.
-    pub windows: BTreeMap<String, Vec<[f64; 2]>>,
-    /// The same in words; of frames with the size of the misfit.
-    pub regime: String,
-}
-
-/// Is there a mismatch at all?
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct Test {
-    /// What was tested.
-    pub statistic: String,
-    /// Its value.
-    pub value: f64,
-    /// Degrees of freedom.
-    pub freedom: f64,
-    /// Probability of it without any effect.
-    pub p_value: f64,
-    /// Ljung-Box p of the whitened residuals that are left, per run.
-    pub whiteness_p: Vec<f64>,
-    /// Noise per channel \[SI\].
-    pub noise_rms: BTreeMap<String, f64>,
-}
-
-/// rms per channel, before and after.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct BeforeAfter {
-    /// The vehicle's coefficients refitted, without effects \[SI\].
-    pub before: BTreeMap<String, f64>,
-    /// With the effects \[SI\].
-    pub after: BTreeMap<String, f64>,
-    /// Noise of the measurement \[SI\].
-    pub noise: BTreeMap<String, f64>,
-}
-
-impl BeforeAfter {
-    /// Whether no channel stands in it.
-    pub fn is_empty(&self) -> bool {
-        self.before.is_empty()
-    }
-
-    /// Channel by channel.
-    pub fn rows<'a>(&'a self, by: &'a str) -> impl Iterator<Item = Predicted<'a>> {
-        self.before.iter().map(move |(channel, before)| Predicted {
-            channel,
-            by,
-            before: *before,
-            after: self.after.get(channel).copied(),
-            noise: self.noise.get(channel).copied(),
-        })
-    }
-}
-
-/// A channel of what was predicted, rms \[SI\].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Predicted<'a> {
-    /// Its name.
-    pub channel: &'a str,
-    /// What was predicted by what, in words.
-    pub by: &'a str,
-    /// By the vehicle alone, refitted.
-    pub before: f64,
-    /// With the effects.
-    pub after: Option<f64>,
-    /// Noise of the measurement.
-    pub noise: Option<f64>,
-}
-
-/// Fit and prediction of what chose nothing.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct FitTable {
-    /// rms of the residuals per channel on the runs fitted.
-    pub train: BeforeAfter,
-    /// The same on the runs held out, and on frames that were not fitted.
-    #[serde(skip_serializing_if = "BeforeAfter::is_empty")]
-    pub held_out: BeforeAfter,
-    /// What `held_out` is of, in words.
-    #[serde(skip_serializing_if = "String::is_empty")]
-    pub held_out_by: String,
-}
-
-/// The vehicle's own coefficients without and with the effects.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct Parameters {
-    /// Without effects, SI.
-    pub before: BTreeMap<String, Value>,
-    /// With the effects, averaged over the sets in which the same matters.
-    pub after: BTreeMap<String, Value>,
-    /// With the effects, of the most probable set alone: what `--write-rig` writes, coefficients and effects of one fit.
-    pub written: BTreeMap<String, Value>,
-    /// The same for the effects' own parameters, by effect.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub written_effects: BTreeMap<String, BTreeMap<String, Value>>,
-}
-
-/// Noise of a channel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct NoiseFound {
-    /// sd of one sample \[SI\].
-    pub sd: f64,
-    /// White part \[SI\].
-    pub white_sd: f64,
-    /// Correlated part \[SI\].
-    pub coloured_sd: f64,
-    /// Its correlation time; 0 = white \[s\].
-    pub correlation_s: f64,
-    /// Share of samples discarded as outliers.
-    pub outliers: f64,
-}
-
-/// Something wrong with the data.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct DataFault {
-    /// Kind of fault.
-    pub fault: String,
-    /// Channel of the measurement that has it.
-    pub channel: String,
-    /// Run that has it.
-    pub run: String,
-    /// What shows it.
-    pub evidence: String,
-    /// Whether it stops the diagnosis.
-    pub fatal: bool,
-}
-
-/// A set of effects that was looked at.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Alternative {
-    /// Its effects; none = the vehicle alone.
-    pub effects: Vec<String>,
-    /// Log evidence of the runs fitted, over that of the first.
-    pub log_evidence: f64,
-    /// Posterior probability of the set.
-    pub probability: f64,
-    /// rms on the runs fitted per channel \[SI\].
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub train: BTreeMap<String, f64>,
-}
-
-/// One effect more, in the order of what they gain; the first step stands for none at all.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct AblationStep {
-    /// Added here; empty for the vehicle alone.
-    pub effect: String,
-    /// rms on the runs fitted per channel, all effects up to here refitted together \[SI\].
-    pub train: BTreeMap<String, f64>,
-    /// The same on the runs held out or, without any, on each run as the others predict it \[SI\].
-    pub predicted: BTreeMap<String, f64>,
-}
-
-/// A coefficient at a physical limit, or far from the rig's.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct AtLimit {
-    /// Its key in the rig file.
-    pub key: String,
-    /// Its number over the rig's.
-    pub factor: f64,
-}
-
-/// Motion that nothing in the library explains.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
-pub struct Unexplained {
-    /// Channel it shows in.
-    pub channel: String,
-    /// Weight there; absent where the model gives no finite motion \[SI\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub weight: Option<f64>,
-    /// In words.
-    pub term: String,
-    /// Variable that the force depends on: a covariate, or `time` where it is random.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub depends_on: Option<String>,
-    /// Where the force acts, in the variable's unit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub range: Option<[f64; 2]>,
-    /// Its largest value there; of a random force its sd \[N, N m\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<f64>,
-    /// Points of the force's table, in the variable's unit; times of several runs as laid end to end.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub knots: Vec<f64>,
-    /// Force at each \[N, N m\].
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub force_at: Vec<f64>,
-    /// Standard deviation of each \[N, N m\].
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub force_sd: Vec<f64>,
-    /// Log Bayes factor of the force over none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub log_bayes_factor: Option<f64>,
-    /// The same force as an expression of its variable, where one was looked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub closed_form: Option<ClosedForm>,
-}
-
-/// A force of no known effect, written down as an expression of its variable.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct ClosedForm {
-    /// One form is likely enough to be called the law.
-    pub sure: bool,
-    /// The first form stands in the rig that is written; else the table does.
-    pub written: bool,
-    /// Probability that none of the grammar's forms is it: that of the table.
-    pub none_probability: f64,
-    /// Forms within odds of twenty of the likeliest, that one first.
-    pub forms: Vec<WrittenForm>,
-    /// Force of the first form at the table's knots \[N, N m\]; of a product at the rate that scales it.
-    pub force_at: Vec<f64>,
-    /// rms of each run as the others predict it with the first form \[SI\]; absent where that was not asked.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub leave_one_run_out: BTreeMap<String, f64>,
-    /// The same with the table \[SI\].
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub leave_one_run_out_table: BTreeMap<String, f64>,
-    /// In words.
-    pub sentence: String,
-}
-
-/// One form.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct WrittenForm {
-    /// As it is read, numbers with their sds.
-    pub expression: String,
-    /// Probability among all forms and the table.
-    pub probability: f64,
-    /// Its pieces, which are added.
-    pub pieces: Vec<Piece>,
-}
-
-/// A piece of a form.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct Piece {
-    /// Form, as rig files name it.
-    pub form: String,
-    /// Numbers by what they are; without an sd those that the form holds.
-    pub numbers: BTreeMap<String, Value>,
-}
-
-/// What to run next.
+/// Run that would say most next.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NextExperiment {
     /// Name of the plan.
@@ -384,7 +79,7 @@ pub struct NextExperiment {
     pub reason: String,
 }
 
-/// Everything.
+/// Verdict of a diagnosis.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct Verdict {
     /// The verdict in one word.
@@ -413,10 +108,10 @@ pub struct Verdict {
     /// Per DOF that moves the probability that a force of no known effect is worth more than the tolerance.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unnamed: BTreeMap<String, f64>,
-    /// Each run predicted with the model refitted to the others: rms over all runs per channel; absent of one run alone.
+    /// Each run predicted with the model refitted to the others; absent of one run alone.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub leave_one_run_out: Option<BeforeAfter>,
-    /// What these runs cannot show: effects whose size they leave open, as `EFFECT`, or `EFFECT in surge, sway` where it acts in
+    pub leave_one_run_out: Option<LeaveOneRunOut>,
+    /// Effects that these runs cannot show, since they leave their size open, as `EFFECT`, or `EFFECT in surge, sway` where it acts in
     /// a DOF by name.
     pub blind_spots: Vec<String>,
     /// The run that would say most next; `None` = none is needed, or none would.
@@ -430,26 +125,32 @@ pub struct Verdict {
     /// The heavy effects one after the other, by what each gains in prediction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ablation: Vec<AblationStep>,
-    /// What nothing in the library explains.
+    /// Motion that nothing in the library explains.
     pub unexplained: Vec<Unexplained>,
     /// DOFs whose measured motion drove the others instead of being explained.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub given: Vec<String>,
-    /// Remarks.
+    /// Remarks, in words.
     pub notes: Vec<String>,
     /// Sets of effects looked at.
     pub sets_looked_at: usize,
 }
 
 impl Verdict {
-    /// What was predicted, channel by channel: runs and frames held out, and of the other channels each run by the others.
+    /// Predictions, channel by channel: runs and frames held out, and of the other channels each run by the others.
     pub fn predicted(&self) -> impl Iterator<Item = Predicted<'_>> {
         let held_out = &self.fit.held_out;
         let others = self.leave_one_run_out.iter();
-        let others = others.flat_map(|o| o.rows(BY_THE_OTHERS));
+        let others = others.flat_map(LeaveOneRunOut::rows);
         held_out
             .rows(&self.fit.held_out_by)
             .chain(others.filter(|p| !held_out.before.contains_key(p.channel)))
+    }
+
+    /// Ids of the effects that matter, in their order.
+    pub fn mattering(&self) -> Vec<&str> {
+        let mattering = self.effects.iter().filter(|e| e.matters);
+        mattering.map(|e| e.effect.as_str()).collect()
     }
 
     /// Puts an effect among what these runs cannot show, once.

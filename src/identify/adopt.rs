@@ -1,4 +1,4 @@
-//! What an identification found, into a rig file: values with their covariance.
+//! Writes an identification into a rig file: values with their covariance.
 
 use hydroline_rigs::{Identified, Rig};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -19,14 +19,14 @@ struct Found<'r> {
     place: usize,
     coefficient: Coefficient,
     estimate: &'r Estimate,
-    /// Why the rig keeps its value; `None` = it does not.
+    /// Reason why the rig keeps its value; `None` = it does not.
     kept: Option<&'static str>,
 }
 
 /// Puts every coefficient that was determined into the rig, with its covariance into `[identified]`; what an
 /// earlier identification left there of other coefficients stays. Returns a sentence for each that was not taken.
 ///
-/// What is not taken keeps the rig's value, and the others are then what they are beside that value, not beside the
+/// A coefficient that is not taken keeps the rig's value, and the others are then what they are beside that value, not beside the
 /// one they were fitted with. It has its rows of the covariance too: its uncertainty is in the others, and a band
 /// made of the rig is the fit's.
 pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
@@ -45,7 +45,7 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
             })
         })
         .collect();
-    // What is zero within its noise is zero for the rig, on whichever side of it the noise has put it.
+    // A coefficient that is zero within its noise is zero for the rig, on whichever side of it the noise has put it.
     for f in all
         .iter_mut()
         .filter(|f| is_zero(f.coefficient, f.estimate))
@@ -55,7 +55,7 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
     }
     let written = loop {
         let written = beside_kept(result, &all, rig);
-        // What the rig's values of the others carry to where no hull is stays out itself.
+        // A coefficient that turns positive beside the rig's values of the others, which no hull has, stays out too.
         let positive = written.values.iter().find(|(_, value)| *value > 0.0);
         match positive.and_then(|(i, _)| all.get_mut(*i)) {
             Some(found) if found.kept.is_none() => {
@@ -145,7 +145,7 @@ fn is_zero(c: Coefficient, p: &Estimate) -> bool {
     damping && p.excited && !p.at_bound && p.value > 0.0 && p.value < ZERO_WITHIN_SD * sd
 }
 
-/// What goes into the rig: (index of the coefficient, value) and the covariance in the same order.
+/// Values for the rig as (index of the coefficient, value), and their covariance in the same order.
 struct Written {
     values: Vec<(usize, f64)>,
     covariance: DMatrix<f64>,
@@ -162,7 +162,7 @@ fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written
         let row = result.covariance.get(all[i].place)?;
         row.get(all[j].place).copied().flatten()
     };
-    // What has no variance is written nowhere: no number can be said of it.
+    // A coefficient without a variance is written nowhere: no number can be said of it.
     let is_taken = |i: &usize| all[*i].kept.is_none();
     let known = |i: &usize| cell(*i, *i).is_some_and(|v| v > 0.0 || is_taken(i));
     let (taken, kept): (Vec<usize>, Vec<usize>) = (0..all.len()).filter(known).partition(is_taken);
@@ -252,7 +252,7 @@ fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&made + made.transpose())
 }
 
-/// What the rig's `[identified]` says of coefficients that are not written anew and still have the value it belongs to.
+/// Entries of the rig's `[identified]` for coefficients that are not written anew and still have the value that they belong to.
 fn of_others(rig: &Rig, new: &[(Coefficient, f64)]) -> Identified {
     let old = rig.identified.clone().unwrap_or_else(|| Identified {
         coefficients: Vec::new(),

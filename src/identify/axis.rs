@@ -200,18 +200,14 @@ impl Axis {
     }
 
     fn finite(&self, run: usize, out: &[f64]) -> Result<(), ForwardError> {
-        let good = out.iter().all(|v| v.is_finite());
-        let reason = || {
-            "the motion grows without bounds: damping or restoring has the wrong sign".to_owned()
-        };
-        if good {
-            Ok(())
-        } else {
-            Err(ForwardError {
-                run,
-                reason: reason(),
-            })
+        if out.iter().all(|v| v.is_finite()) {
+            return Ok(());
         }
+        let reason = "the motion grows without bounds: damping or restoring has the wrong sign";
+        Err(ForwardError {
+            run,
+            reason: reason.to_owned(),
+        })
     }
 
     fn dual<const N: usize>(

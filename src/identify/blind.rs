@@ -1,4 +1,4 @@
-//! What no fit of these runs can show, and the experiment that would.
+//! Effects and parameters that no fit of these runs can show, each with the experiment that would.
 
 use hydroline_rigs::Dof;
 
@@ -14,7 +14,7 @@ fn spot(what: &str, why: String, experiment: &str) -> NotIdentifiable {
     }
 }
 
-/// What is not identifiable from runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
+/// Effects and parameters not identifiable from runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
 /// they do not excite.
 pub fn blind_spots(
     runs: &[Run],

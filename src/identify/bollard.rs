@@ -35,9 +35,9 @@ pub struct Pull {
 pub struct Bollard {
     /// Names of the numbers below.
     pub order: Vec<String>,
-    /// Estimates.
+    /// Estimated numbers, in that order.
     pub values: Vec<f64>,
-    /// Covariance.
+    /// Covariance of `values`.
     pub covariance: Vec<Vec<f64>>,
     /// (pulse \[us\], thrust \[N\], sd \[N\]) at the middle voltage: the rig's `curve`.
     pub curve: Vec<(f64, f64, f64)>,
@@ -49,34 +49,28 @@ pub struct Bollard {
     pub rms_n: f64,
     /// Readings left out as outliers.
     pub outliers: usize,
-    /// What makes the curve uncertain, one sentence each.
+    /// Reasons why the curve is uncertain, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Why there is no curve.
+/// Failure to fit a curve.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum BollardError {
-    /// The table.
     #[error("{file}: {reason}; the table needs columns pulse_us,thrust_n and may have voltage_v")]
     Table {
-        /// File.
         file: String,
-        /// Why, with the line.
+        /// Reason, with the line.
         reason: String,
     },
-    /// Too little.
     #[error(
         "{ahead} readings ahead and {astern} astern of {neutral_us} us; at least 4 on each side are needed, spread over the range"
     )]
     TooFew {
-        /// Readings with thrust ahead.
         ahead: usize,
-        /// Readings with thrust astern.
         astern: usize,
-        /// Neutral \[us\].
         neutral_us: f64,
     },
-    /// A curve that no rig may hold.
     #[error(
         "the fitted thrust falls from {:.2} N at {:.1} us to {:.2} N at {:.1} us; check the readings there, and add some",
         from.1, from.0, to.1, to.0
@@ -87,10 +81,8 @@ pub enum BollardError {
         /// First point after it: (pulse \[us\], thrust \[N\]).
         to: (f64, f64),
     },
-    /// The fit.
     #[error(transparent)]
     Method(#[from] MethodError),
-    /// The model.
     #[error(transparent)]
     Forward(#[from] ForwardError),
 }
@@ -366,7 +358,7 @@ const EXTRAPOLATED: f64 = 0.02;
 /// A curve this many times the rig's is another unit.
 const OTHER_UNIT: f64 = 3.0;
 
-/// What makes a fitted curve uncertain by itself: bounds, range, residuals.
+/// Reasons why a fitted curve is uncertain by itself: bounds, range, residuals.
 fn notes_on(
     model: &Model,
     at: &[f64],
@@ -417,7 +409,7 @@ fn notes_on(
 }
 
 impl Bollard {
-    /// What the curve says against the one the rig holds: grams read as newtons, another thruster.
+    /// Warning where the curve is far from the one the rig holds: grams read as newtons, another thruster.
     pub fn against(&self, rig: &Rig) -> Option<String> {
         let thruster = rig.thrusters.thrusters.first()?;
         let pairs = self

@@ -3,13 +3,13 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use hydroline_numerics::parallel;
 use hydroline_rigs::{Rig, Vehicle};
 use hydroline_sim::effect::{CheckedEffect, EffectError, check};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::vehicle::{Hydrodynamics, VehicleState};
 use hydroline_sim::{Dual, Real, Trajectory};
 use nalgebra::{Cholesky, DMatrix};
-use rayon::prelude::*;
 
 use super::data::Start;
 use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
@@ -313,10 +313,7 @@ impl Forward for Coupled {
         out: &mut Vec<f64>,
     ) -> Result<DMatrix<f64>, ForwardError> {
         let firsts: Vec<usize> = (0..parameters.len().max(1)).step_by(PASS).collect();
-        let passes: Vec<_> = firsts
-            .par_iter()
-            .map(|first| self.pass(run, parameters, *first))
-            .collect();
+        let passes = parallel::map_slice(&firsts, |first| self.pass(run, parameters, *first));
         let mut jacobian = DMatrix::zeros(self.measured(run).len(), parameters.len());
         for (first, pass) in firsts.into_iter().zip(passes) {
             let (values, block) = pass?;

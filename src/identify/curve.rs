@@ -1,4 +1,4 @@
-//! What the thrust curve's own uncertainty does to the coefficients.
+//! Propagates the thrust curve's own uncertainty to the coefficients.
 //!
 //! First-order propagation: the curve's covariance falls into principal directions; along each the
 //! curve is moved by one standard deviation, the runs are loaded and fitted again, and what the

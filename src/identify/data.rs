@@ -8,7 +8,7 @@ pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
 pub use still::{NOISE_KEY, STILL_MIN_S, StillWatch, is_still, still_noise};
 pub use vehicle::{check_vehicle, differences};
 
-/// What is known of every run's start before it is looked at.
+/// Prior knowledge of every run's start; by default none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Start {
     /// Nothing: place and velocity are free in each run.

@@ -24,7 +24,7 @@ use hydroline_core::run::{Channel, Run};
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
-/// Which equations.
+/// Equations of motion to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ModelChoice {
     /// One DOF when only one is driven (or, without commands, only one moves), else coupled.
@@ -35,17 +35,17 @@ pub enum ModelChoice {
     Coupled,
 }
 
-/// How to identify.
+/// Options of an identification.
 pub struct Options<'a> {
-    /// Equations.
+    /// Equations of motion.
     pub model: ModelChoice,
-    /// Search.
+    /// Search method.
     pub method: &'a dyn Method,
-    /// What the search minimises.
+    /// Objective of the search.
     pub objective: Objective,
     /// Coefficients kept as the rig has them.
     pub fixed: Vec<Coefficient>,
-    /// What is known of every run's start.
+    /// Prior knowledge of every run's start.
     pub start: Start,
     /// Leave-one-run-out.
     pub cross_validate: bool,
@@ -67,34 +67,26 @@ impl Default for Options<'_> {
     }
 }
 
-/// Why nothing was identified.
+/// Failure to identify.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum IdentifyError {
-    /// Too few numbers.
     #[error(
         "{samples} usable samples for {free} unknowns in {dof}; give longer runs, or check that the channel is in the log (hydroline info)"
     )]
     TooFew {
-        /// Samples.
         samples: usize,
-        /// Unknowns.
         free: usize,
-        /// DOF or model.
         dof: String,
     },
-    /// No run but ones at rest.
     #[error("all {0} log(s) are at rest: they measure the noise; add runs that move")]
     OnlyStill(usize),
-    /// Nothing given.
     #[error("no run given")]
     NoRun,
-    /// The rig's effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// The search.
     #[error(transparent)]
     Method(#[from] MethodError),
-    /// The motion.
     #[error(transparent)]
     Forward(#[from] ForwardError),
 }
@@ -166,7 +158,7 @@ pub fn identify(
         let found = noise_at_rest(rest.as_ref(), forward.slots(), &references);
         found.iter().any(Option::is_some).then_some(found)
     };
-    // Which of the runs at rest measured a slot of the fit.
+    // Whether each run at rest measured a slot of the fit.
     let used: Vec<bool> = (0..resting_runs.len())
         .map(|i| {
             let slots = measured_noise.iter().flatten().flatten();

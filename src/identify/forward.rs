@@ -1,16 +1,16 @@
-//! What a fit needs of a model: predictions at the stamps, and their derivatives.
+//! Interface of a model to a fit: predictions at the stamps, and their derivatives.
 
 use nalgebra::DMatrix;
 
 use super::parameter::Free;
 
-/// Why a prediction failed; a search treats it as infinitely bad.
+/// Failure of a prediction; a search treats it as infinitely bad.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("run {run}: {reason}")]
 pub struct ForwardError {
-    /// Run.
+    /// Index of the run.
     pub run: usize,
-    /// What the integrator says.
+    /// Reason that the integrator gives.
     pub reason: String,
 }
 
@@ -21,7 +21,7 @@ pub struct Observed {
     pub globals: Vec<Free>,
     /// Name of each slot.
     pub slots: Vec<String>,
-    /// Runs.
+    /// Unknowns and measurements of each run.
     pub runs: Vec<ObservedRun>,
 }
 
@@ -75,7 +75,7 @@ pub trait Forward: Sync {
     fn logged_sd(&self, run: usize) -> &[f64] {
         &self.observed().runs[run].logged_sd
     }
-    /// Predictions.
+    /// Fills `out` with a run's predictions.
     ///
     /// # Errors
     /// [`ForwardError`] when the motion diverges.
@@ -109,7 +109,7 @@ pub struct ChannelSeries {
     pub name: String,
     /// Measured; NaN = not.
     pub measured: Vec<f64>,
-    /// Predicted.
+    /// Predicted values, one for each of `measured`.
     pub predicted: Vec<f64>,
 }
 

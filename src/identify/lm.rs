@@ -29,7 +29,7 @@ impl Default for LevenbergMarquardt {
     }
 }
 
-/// How a search goes, to the last digits of its minimum.
+/// Options of a search that goes to the last digits of its minimum.
 ///
 /// Starts are the rig's numbers, so the first step is nearly undamped (1e-4); sensitivities are exact and cost some
 /// ten motions, so a rejected step (one motion) is cheap and damping rises by 8. Damping is always at least 1e-14 of

@@ -30,9 +30,9 @@ pub struct Merged {
     thrusts: BTreeMap<String, Vec<(f64, f64)>>,
     /// Load over time; `None` = it is not known what the thrusters make.
     wrench: Option<Vec<Command>>,
-    /// What frames say of themselves, by their stamps.
+    /// Faults of frames and losses before them, in words, by the frames' stamps.
     frames: BTreeMap<u64, String>,
-    /// Why the load is not known.
+    /// Reason why the load is not known.
     pub note: Option<String>,
 }
 
@@ -111,7 +111,7 @@ impl Merged {
         })
     }
 
-    /// Rows.
+    /// Number of rows of the table, without its header.
     pub fn rows(&self) -> usize {
         self.run.samples.len()
     }

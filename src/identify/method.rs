@@ -18,15 +18,14 @@ pub struct Solution {
     pub tries: usize,
 }
 
-/// Why a search has no solution.
+/// Failure of a search.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum MethodError {
-    /// No starting point gives a finite motion.
     #[error(
         "no starting point gives a finite motion ({0}); check the rig's coefficients (all negative) and the commands' units"
     )]
     NoStart(ForwardError),
-    /// Nothing to search.
     #[error("no free parameter")]
     NothingFree,
 }
@@ -36,7 +35,7 @@ pub trait Method: Sync {
     /// Name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Minimises.
+    /// Minimises the objective of a problem; random numbers come from `seed`.
     ///
     /// # Errors
     /// [`MethodError`].

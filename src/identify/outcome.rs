@@ -1,4 +1,4 @@
-//! What an identification says; serialised as `identify --json`.
+//! Result of an identification; serialised as `identify --json`.
 
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::Whiteness;
@@ -15,7 +15,7 @@ pub struct Estimate {
     pub symbol: String,
     /// SI unit.
     pub unit: String,
-    /// Estimate.
+    /// Estimated value, in that unit.
     pub value: f64,
     /// Standard deviation; `None` = the runs say nothing about it.
     pub sd: Option<f64>,
@@ -25,7 +25,7 @@ pub struct Estimate {
     pub high: Option<f64>,
     /// Profile likelihood, where the direction is weak.
     pub profile: Option<Profile>,
-    /// What the rig file says.
+    /// Value in the rig file.
     pub rig: f64,
     /// Determined by these runs: sd below half of its size, or of what the rig takes for its size.
     pub excited: bool,
@@ -43,7 +43,7 @@ pub struct SlotNoise {
     pub outliers: f64,
     /// `measured at rest` or `residuals`.
     pub source: String,
-    /// What the logs say of the samples' sd, by which they were weighed; absent = nothing.
+    /// sd of the samples as the logs say it, by which they were weighed; absent = the logs say none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub logged: Option<Logged>,
 }
@@ -64,7 +64,7 @@ pub struct Logged {
 /// Whiteness of one run's residuals in one slot.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Residuals {
-    /// Run.
+    /// Name of the run.
     pub run: String,
     /// Channel or combination of channels.
     pub slot: String,
@@ -92,29 +92,29 @@ pub struct CrossValidation {
     pub fitted: BTreeMap<String, f64>,
 }
 
-/// What these runs cannot show.
+/// Effect or parameter that these runs cannot show.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct NotIdentifiable {
     /// Effect id or parameter name.
     pub what: String,
-    /// Why.
+    /// Reason why they cannot show it.
     pub why: String,
-    /// What would break it.
+    /// Experiment that would show it.
     pub experiment: String,
 }
 
 /// One run of the fit.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct RunSummary {
-    /// Name.
+    /// Name of the run.
     pub name: String,
-    /// Samples.
+    /// Number of samples.
     pub samples: usize,
     /// Last stamp \[s\].
     pub length_s: f64,
     /// rms of measured - fitted per channel, SI.
     pub rms: BTreeMap<String, f64>,
-    /// What was odd.
+    /// Oddities of the run's data, one sentence each.
     pub notes: Vec<String>,
     /// Start values found, with sd.
     pub start: BTreeMap<String, (f64, Option<f64>)>,
@@ -123,15 +123,15 @@ pub struct RunSummary {
 /// Series for plots; not in the JSON.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
-    /// Run.
+    /// Name of the run.
     pub run: String,
-    /// Channel.
+    /// Name of the channel.
     pub channel: String,
     /// Stamps \[s\].
     pub times_s: Vec<f64>,
-    /// Measured.
+    /// Measured values \[SI\]; NaN = not measured.
     pub measured: Vec<f64>,
-    /// Fitted.
+    /// Fitted values \[SI\].
     pub fitted: Vec<f64>,
     /// (time, load) of the commands in the channel's DOF \[s; N, N m\].
     pub edges: Vec<(f64, f64)>,
@@ -159,11 +159,11 @@ pub struct Identification {
     pub model: String,
     /// `lm`, `cmaes`, `ga`.
     pub method: String,
-    /// What was minimised first; intervals always come from the least squares.
+    /// Objective that was minimised first; intervals always come from the least squares.
     pub objective: Objective,
     /// Its value.
     pub objective_value: f64,
-    /// Evaluations.
+    /// Number of evaluations in the search, its refits and the profiles.
     pub evaluations: usize,
     /// Whether the method converged.
     pub converged: bool,
@@ -173,7 +173,7 @@ pub struct Identification {
     pub order: Vec<String>,
     /// Covariance of the coefficients; `null` rows = not determined.
     pub covariance: Vec<Vec<Option<f64>>>,
-    /// Correlations.
+    /// Correlation matrix of the coefficients.
     pub correlation: Vec<Vec<f64>>,
     /// Noise by slot.
     pub noise: BTreeMap<String, SlotNoise>,
@@ -185,13 +185,13 @@ pub struct Identification {
     pub misfit: Vec<String>,
     /// Leave-one-run-out.
     pub cross_validation: Vec<CrossValidation>,
-    /// What these runs cannot show.
+    /// Effects and parameters that these runs cannot show.
     pub blind_spots: Vec<NotIdentifiable>,
     /// Effects in the rig's `[[physics]]`: held as they are, not fitted.
     pub held_effects: Vec<String>,
-    /// Runs.
+    /// Runs that were fitted.
     pub runs: Vec<RunSummary>,
-    /// Remarks.
+    /// Remarks on the fit, one sentence each.
     pub notes: Vec<String>,
     /// For plots.
     #[serde(skip)]
@@ -199,7 +199,7 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// What was held of the rig's `[[physics]]`, in words; `None` where it has none.
+    /// Sentence on the rig's `[[physics]]`, which is held; `None` where it has none.
     pub fn held(&self) -> Option<String> {
         let held = &self.held_effects;
         (!held.is_empty()).then(|| {

@@ -2,7 +2,7 @@
 
 use hydroline_rigs::{Dof, Rig, Vehicle};
 
-/// Which of the three coefficients of a DOF.
+/// One of the three coefficients of a DOF.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Term {
     /// Added mass, X_udot.
@@ -23,7 +23,7 @@ impl Term {
 pub struct Coefficient {
     /// Degree of freedom.
     pub dof: Dof,
-    /// Which term.
+    /// Term of that DOF.
     pub term: Term,
 }
 
@@ -110,7 +110,7 @@ impl Coefficient {
         self.identified_sd(rig).unwrap_or_else(|| self.size(rig))
     }
 
-    /// What the rig takes for its size: its number, and where that is 0 Table 9's for a vehicle of this mass.
+    /// Size that the rig gives it: its number's, and where that is 0 Table 9's for a vehicle of this mass.
     pub fn size(self, rig: &Rig) -> f64 {
         let said = self.of_vehicle(&rig.vehicle).abs();
         if said > 0.0 {

@@ -24,9 +24,9 @@ use hydroline_plan::setpoint::{SetpointError, setpoint};
 /// Coefficients with their covariance (rows and columns in the same order).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identified {
-    /// Which, and their values.
+    /// Coefficients and their values \[SI\].
     pub values: Vec<(Coefficient, f64)>,
-    /// SI.
+    /// Covariance of the values \[SI\].
     pub covariance: DMatrix<f64>,
 }
 
@@ -59,39 +59,25 @@ impl Prediction {
     }
 }
 
-/// Why there is no prediction.
+/// Failure to predict.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PredictError {
     /// A step asks for what the thrusters cannot do.
     #[error(transparent)]
     Plan(#[from] SetpointError),
-    /// Thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// `[[physics]]`.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// Integration.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
-    /// The identification file.
     #[error("{file}: {reason}; give the output of hydroline identify --json")]
-    Identified {
-        /// File.
-        file: String,
-        /// Why.
-        reason: String,
-    },
-    /// `[identified]` of the rig.
+    Identified { file: String, reason: String },
     #[error(
         "[identified] of rig {rig}: {reason}; mend or take out that table, or write the rig anew (hydroline identify LOG... --write-rig)"
     )]
-    OfRig {
-        /// Name of the rig.
-        rig: String,
-        /// Why.
-        reason: String,
-    },
+    OfRig { rig: String, reason: String },
 }
 
 /// All eighteen at once.
@@ -151,7 +137,7 @@ impl Identified {
         })
     }
 
-    /// What the rig's own `[identified]` says; `Ok(None)` = it has none.
+    /// Coefficients and covariance in the rig's own `[identified]`; `Ok(None)` = it has none.
     ///
     /// # Errors
     /// [`PredictError::OfRig`] where it belongs to other coefficients than `[vehicle]` has, or names none.
@@ -185,7 +171,7 @@ impl Identified {
         }))
     }
 
-    /// What no hull has: damping that drives, added mass that takes mass away. One sentence each.
+    /// Values that no hull has: damping that drives, added mass that takes mass away. One sentence each.
     pub fn implausible(&self) -> Vec<String> {
         let positive = self.values.iter().filter(|(_, value)| *value > 0.0);
         positive

@@ -2,18 +2,17 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use hydroline_numerics::cancel;
 use hydroline_numerics::least_squares::Normal;
 use hydroline_numerics::noise::{Noise, Series, Whitener, estimate, mask};
 use hydroline_numerics::statistics::median;
+use hydroline_numerics::{cancel, parallel};
 use nalgebra::{DMatrix, DVector, Dyn};
-use rayon::prelude::*;
 
 use super::forward::{Forward, ForwardError};
 use super::parameter::Free;
 use hydroline_core::run::rest_noise::{Stretch, series};
 
-/// What is minimised.
+/// Function of the residuals that a fit minimises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
@@ -118,7 +117,7 @@ impl<'a> Problem<'a> {
         &self.free
     }
 
-    /// How often the objective was asked for until now: shows that a slow search goes on.
+    /// Number of times that the objective was asked for until now: shows that a slow search goes on.
     pub fn evaluations(&self) -> u64 {
         self.evaluations.load(Ordering::Relaxed)
     }
@@ -261,9 +260,9 @@ impl<'a> Problem<'a> {
                     .sum(),
             })
         };
-        let each: Result<Vec<f64>, ForwardError> =
-            (0..self.forward.runs()).into_par_iter().map(run).collect();
-        each.ok()
+        let runs: Vec<usize> = (0..self.forward.runs()).collect();
+        parallel::try_map_slice(&runs, |r| run(*r))
+            .ok()
             .map(|each| each.iter().sum::<f64>())
             .filter(|v| v.is_finite())
             .unwrap_or(f64::INFINITY)
@@ -327,16 +326,13 @@ impl<'a> Problem<'a> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
         // Runs side by side, their sums in their order: the same bits on any number of cores.
-        let runs: Result<Vec<_>, ForwardError> = (0..self.forward.runs())
-            .into_par_iter()
-            .map(|run| {
-                let (residual, jacobian) =
-                    self.linearised(Objective::LeastSquares, run, parameters)?;
-                let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
-                Ok((0.5 * residual.norm_squared(), g, h))
-            })
-            .collect();
-        for (run, (of_run, g, h)) in runs?.into_iter().enumerate() {
+        let runs: Vec<usize> = (0..self.forward.runs()).collect();
+        let runs = parallel::try_map_slice(&runs, |&run| {
+            let (residual, jacobian) = self.linearised(Objective::LeastSquares, run, parameters)?;
+            let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
+            Ok::<_, ForwardError>((0.5 * residual.norm_squared(), g, h))
+        })?;
+        for (run, (of_run, g, h)) in runs.into_iter().enumerate() {
             cost += of_run;
             let columns = self.columns(run);
             for (i, ci) in columns.iter().enumerate() {
@@ -427,7 +423,7 @@ impl<'a> Problem<'a> {
                 if (0..once.len()).all(|run| twice(run).is_none()) {
                     return masks.clone();
                 }
-                // What was left out of the noise counts in the fit.
+                // Samples that the noise estimate left out count in the fit.
                 let all = residuals.iter().map(|r| r[slot].as_slice()).enumerate();
                 mask(&all.map(view).collect::<Vec<_>>(), *noise)
             });

@@ -1,7 +1,7 @@
 //! Runs fitted with the noise of a fit before, and with the coefficients free that it determined: for searches that ask what many
 //! other loads would have made of the same runs.
 //!
-//! What [`crate::identify`] finds out beside the coefficients (the noise and its colour, outliers, intervals by profile)
+//! [`crate::identify`] finds more than coefficients (the noise and its colour, outliers, intervals by profile). That
 //! costs many fits; it is the same for all of these.
 
 use super::coupled::{Coupled, every_pose_is_known};
@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 /// A step that brings less than this of half the sum of squares is the last: a hundredth of what one standard deviation costs.
 pub(crate) const ENOUGH: f64 = 0.005;
 
-/// What the runs give under a rig.
+/// Result of a refit of the runs under a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refitted {
     /// Values by key, SI; of those that were free.

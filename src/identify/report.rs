@@ -1,4 +1,4 @@
-//! What an identification found, as one self-contained HTML page: one sentence first, then the coefficients, the runs
+//! Report of an identification as one self-contained HTML page: one sentence first, then the coefficients, the runs
 //! measured and fitted, what the residuals hold, and what these runs cannot show.
 
 mod figures;

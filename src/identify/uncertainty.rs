@@ -22,7 +22,7 @@ pub const PROFILE_EVALUATIONS: usize = 1500;
 /// Share of t that a point of the profile may be off: the interval's end is known to 1 %.
 const END: f64 = 0.01;
 
-/// What a profile starts from.
+/// Start of a profile: a parameter, and how the others move with it.
 #[derive(Debug, Clone, Copy)]
 pub struct Ridge<'a> {
     /// Index of the parameter.
@@ -31,7 +31,7 @@ pub struct Ridge<'a> {
     pub sd: f64,
     /// How all parameters move with it in the linear approximation: its column of the covariance.
     pub column: &'a [f64],
-    /// What stays where it is.
+    /// Whether each parameter is held.
     pub held: &'a [bool],
 }
 

@@ -35,7 +35,7 @@ impl<'a> Cells<'a> {
     pub fn iter(&self) -> impl Iterator<Item = &'a str> + '_ {
         (0..self.len()).map(|i| self.get(i))
     }
-    /// Whether nothing stands from this cell on.
+    /// Whether all cells from this one on are empty.
     pub fn empty_from(&self, index: usize) -> bool {
         (index..self.len()).all(|i| self.get(i).is_empty())
     }

@@ -63,7 +63,6 @@ fn too_short(rows: usize) -> Finding {
     )
 }
 
-/// Name of a channel for messages.
 fn name(place: usize) -> &'static str {
     super::map::place_name(place)
 }

@@ -13,7 +13,7 @@ pub(crate) use even::{EvenRows, granularity};
 
 const DAY_NS: i128 = 86_400 * SECOND_NS;
 
-/// How a row's time is read, with the columns' places.
+/// Form of a row's time, with the columns' places.
 enum Reading {
     Rows,
     Frames(usize),
@@ -190,7 +190,7 @@ impl Clock {
         }
     }
 
-    /// What the counter's turns so far add to it.
+    /// Counts to be added to the counter for its turns so far; `None` = the count is beyond its bits.
     fn rotated(&mut self, count: f64, line: u64) -> Option<i128> {
         let Some(bits) = self.unwrap_bits else {
             return Some(0);
@@ -216,7 +216,7 @@ impl Clock {
         }
     }
 
-    /// What the clock found, `origin_ns` being the first row's time.
+    /// Adds the clock's findings; `origin_ns` is the first row's time.
     pub fn report(&self, time: &TimeMap, origin_ns: Option<i128>, findings: &mut Vec<Finding>) {
         if let Some(line) = self.beyond_bits {
             findings.fault_at(

@@ -33,36 +33,25 @@ pub struct Guess {
     pub remarks: Vec<String>,
 }
 
-/// Why there is no map.
+/// Reason why there is no map.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum GuessError {
-    /// No rows of numbers.
     #[error(
         "no table in its first {lines} lines: no two columns of numbers, whatever the separator; write the map by hand (`hydroline import --help` shows one)"
     )]
-    NoTable {
-        /// Lines looked at.
-        lines: usize,
-    },
-    /// No column of time.
+    NoTable { lines: usize },
     #[error(
         "no column of time, and no rate: {columns}; write the map by hand (`hydroline import --help` shows one), with [time] rate_hz = .. for rows at a rate"
     )]
-    NoTime {
-        /// The columns.
-        columns: String,
-    },
-    /// Nothing that moves.
+    NoTime { columns: String },
     #[error(
         "no column whose name says that it is motion or a command: {columns}; write the map by hand (`hydroline import --help` shows one)"
     )]
-    NoMotion {
-        /// The columns.
-        columns: String,
-    },
+    NoMotion { columns: String },
 }
 
-/// What is written, line by line.
+/// Lines of the map being drafted, and remarks about it.
 #[derive(Debug, Default)]
 struct Draft {
     toml: Vec<String>,
@@ -164,7 +153,7 @@ fn write(
     draft
 }
 
-/// What unlabelled columns may be, as comments: the person knows which.
+/// Proposes, as comments, what unlabelled columns may be: the person knows which.
 fn propose(shape: &shape::Shape, draft: &mut Draft) {
     for proposal in &shape.open {
         draft.question(format!(
@@ -180,7 +169,7 @@ fn propose(shape: &shape::Shape, draft: &mut Draft) {
     }
 }
 
-/// What an import with the drafted map would say, (kind, words), and how bad that is.
+/// Faults of an import with the drafted map, (kind, words), and their score: 100 for each, 1 for a doubtful rate.
 type Faults = (Vec<(&'static str, String)>, usize);
 
 fn faults(source: &(impl Source + ?Sized), draft: &Draft) -> io::Result<Faults> {

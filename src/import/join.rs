@@ -23,7 +23,7 @@ use hydroline_rigs::Rig;
 pub use estimate::align;
 pub use problem::{Aligned, Problem};
 
-/// Where offset and drift come from.
+/// Source of offset and drift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum From {
@@ -49,13 +49,13 @@ impl From {
 /// The second clock against the first.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Relation {
-    /// Where it comes from.
+    /// Source of offset and drift.
     pub from: From,
     /// To be added to the stamps of the commands' log at [`Relation::reference_ns`] \[s\].
     pub offset_s: f64,
     /// Its standard deviation \[s\]; of an estimate without what a latency may be.
     pub offset_sd_s: f64,
-    /// How much faster the first clock goes.
+    /// Excess rate of the first clock over the second \[ppm\].
     pub drift_ppm: f64,
     /// Its standard deviation.
     pub drift_sd_ppm: f64,
@@ -75,25 +75,25 @@ impl Relation {
     }
 }
 
-/// How far apart two computers' crystals go, usually: each is specified to some 20-50 ppm \[ppm\].
+/// Usual difference in rate between two computers' crystals: each is specified to some 20-50 ppm \[ppm\].
 const CRYSTALS_PPM: f64 = 50.0;
 
-/// What the caller says of the two clocks.
+/// Offset and drift between the two clocks, and search range, as the caller gives them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Given {
     /// Added to the commands' stamps \[s\]; `None` = to be found.
     pub offset_s: Option<f64>,
-    /// How well that is known \[s\].
+    /// Its standard deviation \[s\].
     pub offset_sd_s: f64,
     /// `None` = to be found with the offset; beside a given one 0, known as well as two crystals are alike.
     pub drift_ppm: Option<f64>,
-    /// How well a given one is known.
+    /// Standard deviation of a given drift \[ppm\].
     pub drift_sd_ppm: f64,
     /// An estimated offset is looked for within so much of that given by the stamps \[s\].
     pub search_s: f64,
 }
 
-/// Why two logs are not joined.
+/// Reason why two logs are not joined.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum JoinError {
@@ -127,14 +127,14 @@ pub enum JoinError {
     Log(#[from] LogError),
 }
 
-/// What was written.
+/// Outcome of a join: the clocks, and numbers of records.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Joined {
     /// The clocks.
     pub relation: Relation,
     /// Motion samples.
     pub samples: usize,
-    /// Commands.
+    /// Number of commands.
     pub commands: usize,
     /// Commands outside of the motion's time: they stand in the log all the same.
     pub outside: usize,

@@ -1,4 +1,4 @@
-//! Where names, units and data stand in a file.
+//! Places of names, units and data in a file.
 
 use std::io::{self, Read};
 
@@ -15,7 +15,7 @@ const ROWS_JUDGED: usize = 200;
 /// Lines kept for hints where a column is not found.
 const LINES_KEPT: usize = 100;
 
-/// Where names, units and data stand.
+/// Places of names, units and data.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     pub format: Format,
@@ -33,7 +33,7 @@ pub(crate) struct Layout {
     decimal: char,
 }
 
-/// What a first line `sep=;` of a spreadsheet says.
+/// Separator that a spreadsheet's first line `sep=;` states.
 fn separator_line(number: u64, line: &str) -> Option<Separator> {
     let word = line.trim_matches(|c| c == '"' || c == ' ');
     let rest = word.get(..4).filter(|w| w.eq_ignore_ascii_case("sep="))?;
@@ -119,7 +119,7 @@ impl Layout {
         self.header.len()
     }
 
-    /// What is to be said of columns that are dropped.
+    /// Findings about columns that are dropped: cells beyond the header, names beyond the rows.
     pub fn notes(&self) -> Vec<Finding> {
         let mut notes = Vec::new();
         let width = self.width();
@@ -216,7 +216,7 @@ impl Layout {
         }
     }
 
-    /// Where the name stands, if not in the header.
+    /// Hint at the line or separator that has the name, if the header has not.
     fn hint(&self, name: &str) -> String {
         let separators = [b',', b';', b'\t']
             .map(Separator::Byte)

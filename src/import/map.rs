@@ -22,7 +22,7 @@ pub enum Column {
     Name {
         /// As the header has it.
         name: String,
-        /// `None` = it stands there once.
+        /// `None` = it is there once.
         nth: Option<usize>,
     },
 }
@@ -37,10 +37,9 @@ impl fmt::Display for Column {
     }
 }
 
-/// Where the values of a channel or command come from.
+/// Source of the values of a channel or command.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Origin {
-    /// A column.
     Column(Column),
     /// One value for all rows, in the unit of the map: the file does not hold it.
     Value(f64),
@@ -56,7 +55,7 @@ impl Origin {
     }
 }
 
-/// What an empty or NaN cell means.
+/// Meaning of an empty or NaN cell. Default: a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Missing {
     /// Something was lost.
@@ -85,7 +84,6 @@ pub struct ChannelMap {
     pub place: usize,
     /// Column or constant.
     pub origin: Origin,
-    /// The unit's name.
     pub unit: &'static str,
     /// SI per unit of the column: unit, sign and scale.
     pub factor: f64,
@@ -93,9 +91,9 @@ pub struct ChannelMap {
     pub offset: f64,
     /// Standard deviation of the instrument, SI; `None` = not known.
     pub sd: Option<f64>,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
     /// A velocity along the tank's axes, to be rotated into the body's.
     pub in_tank: bool,
@@ -116,9 +114,9 @@ pub struct CommandMap {
     pub pulse: bool,
     /// Between samples.
     pub between: Between,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
 }
 
@@ -141,9 +139,9 @@ pub struct QuaternionMap {
     pub wxyz: [Column; 4],
     /// The file's axes.
     pub axes: Axes,
-    /// What an empty cell means.
+    /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that stands for an empty cell.
+    /// A number that means an empty cell.
     pub missing_value: Option<f64>,
 }
 
@@ -165,9 +163,9 @@ pub enum TimeSource {
 /// The time of a row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeMap {
-    /// Where it comes from.
+    /// Columns, and the form in which they hold the time.
     pub source: TimeSource,
-    /// What it is called in messages.
+    /// `time.unit` of the map, for messages.
     pub unit: String,
     /// Rows per second: what makes the time, or puts rounded stamps back.
     pub rate_hz: Option<f64>,
@@ -206,10 +204,9 @@ impl fmt::Display for Separator {
     }
 }
 
-/// How characters are written.
+/// Encoding of a file's characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// UTF-8.
     Utf8,
     /// UTF-16, least byte first.
     Utf16Le,
@@ -219,7 +216,7 @@ pub enum Encoding {
     Latin1,
 }
 
-/// How the file is written.
+/// Form of a file: separators, encoding, and the lines of names, units and data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileMap {
     /// Between cells; `None` = a comma, or what a first line `sep=` says.
@@ -265,22 +262,21 @@ impl FileMap {
 /// A checked map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
-    /// How the file is written.
+    /// Form of the file.
     pub file: FileMap,
-    /// Time.
+    /// Place of a row's time.
     pub time: TimeMap,
     /// Measured channels and companions, by place.
     pub channels: Vec<ChannelMap>,
     /// Orientation, where it is a quaternion.
     pub quaternion: Option<QuaternionMap>,
-    /// Loads.
+    /// Commanded loads, in the order of the map.
     pub commands: Vec<CommandMap>,
 }
 
 /// Number of channels and companions.
 pub const PLACES: usize = Channel::ALL.len() + COMPANIONS.len();
 
-/// Name of a place.
 pub fn place_name(place: usize) -> &'static str {
     let channels = Channel::ALL.into_iter().map(Channel::name);
     channels.chain(COMPANIONS).nth(place).unwrap_or("?")
@@ -318,7 +314,7 @@ impl Map {
         !self.channels.is_empty() || self.quaternion.is_some()
     }
 
-    /// What an empty cell of a place means; `None` = not mapped.
+    /// Meaning of an empty cell of a place; `None` = not mapped.
     pub(crate) fn missing(&self, place: usize) -> Option<Missing> {
         self.channels
             .iter()

@@ -122,8 +122,15 @@ pub(crate) fn ungrouped(cell: &str, thousands: Option<char>, decimal: char) -> C
 /// Cells that are no numbers, by kind.
 #[derive(Default)]
 pub(crate) struct BadCells {
-    /// (kind, column, first line, first cell, count)
-    seen: Vec<(&'static str, String, u64, String, usize)>,
+    seen: Vec<BadCell>,
+}
+
+struct BadCell {
+    kind: &'static str,
+    column: String,
+    first_line: u64,
+    first_cell: String,
+    count: usize,
 }
 
 impl BadCells {
@@ -140,19 +147,20 @@ impl BadCells {
         } else {
             "not_a_number"
         };
-        match self.seen.iter_mut().find(|s| s.0 == kind && s.1 == column) {
-            Some(s) => s.4 += 1,
-            None => self.seen.push((
+        let mut seen = self.seen.iter_mut();
+        match seen.find(|s| s.kind == kind && s.column == column) {
+            Some(s) => s.count += 1,
+            None => self.seen.push(BadCell {
                 kind,
-                column.to_owned(),
-                line,
-                cell.chars().take(40).collect(),
-                1,
-            )),
+                column: column.to_owned(),
+                first_line: line,
+                first_cell: cell.chars().take(40).collect(),
+                count: 1,
+            }),
         }
     }
 
-    /// What a cell with separators of thousands calls for.
+    /// Hint for a cell whose thousands are set apart; empty = there is none.
     fn thousands(cell: &str, file: &FileMap) -> String {
         match (grouped_by(cell, file.decimal), file.thousands) {
             (Some(mark), _) => {
@@ -167,8 +175,10 @@ impl BadCells {
 
     pub fn report(&self, map: &Map, findings: &mut Vec<Finding>) {
         let missing = "; where that is no loss, the map says missing = \"skip\" or \"hold\" there";
-        for (kind, column, line, cell, count) in &self.seen {
-            let words = match *kind {
+        for seen in &self.seen {
+            let (kind, column, count) = (seen.kind, &seen.column, seen.count);
+            let (line, cell) = (seen.first_line, &seen.first_cell);
+            let words = match kind {
                 "empty_cells" => format!(
                     "column '{column}': {count} empty cell(s), the first on line {line}{}",
                     if column == "time" { "" } else { missing }
@@ -186,7 +196,7 @@ impl BadCells {
                     Self::thousands(cell, &map.file)
                 ),
             };
-            findings.fault_at(kind, Some(*line), words);
+            findings.fault_at(kind, Some(line), words);
         }
     }
 }

@@ -37,7 +37,6 @@ use packed_file::Unpacked;
 /// Bytes that tell the kind.
 const HEAD_BYTES: u64 = 4096;
 
-/// Kinds of logs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Mcap,
@@ -185,7 +184,7 @@ impl Recording {
         Ok(self)
     }
 
-    /// What it holds.
+    /// Topics, fields and damage of the log.
     pub fn contents(&self) -> &Contents {
         &self.contents
     }
@@ -251,7 +250,7 @@ impl Recording {
                 "{}: {} not read, the first at {}: {}",
                 u.what, u.count, u.first_at, u.reason
             );
-            // What was lost of the topics that are mapped is a loss; what nobody asked for is not.
+            // A loss in topics that are mapped counts as one; a loss in topics that nobody asked for does not.
             findings.push(if u.what == "damaged records" {
                 let bytes = match self.contents.skipped_bytes {
                     0 => String::new(),

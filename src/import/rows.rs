@@ -30,7 +30,6 @@ impl Tally {
     }
 }
 
-/// What came by.
 #[derive(Debug, Default)]
 pub(crate) struct Form {
     short: Tally,
@@ -65,7 +64,7 @@ pub(crate) fn each_row<R: Read>(
         if number < layout.first_line || file.units_line == Some(number) || is_aside(file, line) {
             continue;
         }
-        // What follows has a clock and columns of its own: it is none of this table.
+        // The next segment has a clock and columns of its own: it is none of this table.
         if form.segment.is_some() || (numbers && SEGMENT.iter().any(|s| line.starts_with(s))) {
             form.segment.get_or_insert(number);
             row(number, None)?;

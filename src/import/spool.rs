@@ -36,7 +36,6 @@ impl Shape {
     }
 }
 
-/// Takes samples in.
 pub(crate) struct Spooler {
     shape: Shape,
     buffer: Vec<u8>,
@@ -109,7 +108,6 @@ struct Kept {
     rest: Vec<u8>,
 }
 
-/// Samples that were kept.
 #[derive(Debug, Clone)]
 pub(crate) struct Spool(Arc<Kept>);
 

@@ -5,7 +5,6 @@ use chrono::format::{Item, Parsed, StrftimeItems, parse as parse_items};
 
 use super::number::{exact, nanoseconds};
 
-/// Nanoseconds of a second.
 pub(crate) const SECOND_NS: i128 = 1_000_000_000;
 
 /// Zone of a stamp: minutes east of Greenwich, or none written.

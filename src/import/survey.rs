@@ -10,14 +10,14 @@ use crate::source::Source;
 use crate::spool::{Spool, Spooler};
 use crate::table::{Imported, has_faults, pass};
 
-/// What a table is found to be.
+/// Findings about a table, with its start, losses and samples.
 #[derive(Debug, Clone)]
 pub struct Survey {
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
-    /// What the file's own clock said in the first row, where it counts from a zero of its own \[ns\].
+    /// First row's time by the file's own clock, where it counts from a zero of its own; else `None` \[ns\].
     pub relative_origin_ns: Option<i128>,
-    /// What was found.
+    /// Findings about form, time, cells, channels and commands.
     pub findings: Vec<Finding>,
     pub(crate) spoilt: Spoilt,
     /// Rows left out.

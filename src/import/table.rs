@@ -23,7 +23,6 @@ const ROWS_FOR_GRANULARITY: usize = 500;
 /// One row in SI.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sample {
-    /// Line of the file.
     pub line: u64,
     /// Since the first row \[s\].
     pub t_s: f64,
@@ -81,7 +80,7 @@ pub struct Imported {
     pub times_s: Vec<f64>,
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
-    /// What the file's own clock said in the first row, where it counts from a zero of its own \[ns\].
+    /// First row's time by the file's own clock, where it counts from a zero of its own; else `None` \[ns\].
     pub relative_origin_ns: Option<i128>,
     /// Line of each row.
     pub lines: Vec<u64>,
@@ -95,7 +94,7 @@ pub struct Imported {
     pub compare_s: Vec<f64>,
     /// Rows left out: too few or too many cells, or no time that can be read.
     pub lost_rows: usize,
-    /// What was found.
+    /// Findings about the table.
     pub findings: Vec<Finding>,
 }
 
@@ -154,11 +153,11 @@ pub(crate) fn has_faults(findings: &[Finding]) -> bool {
     findings.iter().any(|f| f.severity == Severity::Fault)
 }
 
-/// What stands in a table besides its samples.
+/// Start, losses and findings of one pass through a table.
 pub(crate) struct Passed {
     /// UNIX time of the first row \[ns\].
     pub start_ns: u64,
-    /// What the file's own clock said then, where it counts from a zero of its own \[ns\].
+    /// First row's time by the file's own clock, where it counts from a zero of its own; else `None` \[ns\].
     pub relative_origin_ns: Option<i128>,
     /// Rows left out.
     pub lost_rows: usize,
@@ -232,7 +231,7 @@ pub(crate) fn pass(
             each(sample, start)?;
             return Ok(true);
         }
-        // What was measured at one time may stand in several rows.
+        // Values of one time may be in several rows.
         match &mut waiting {
             Some((before, _)) if before.takes(sample) => before.take(sample),
             Some((before, at)) => {

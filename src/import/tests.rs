@@ -484,7 +484,7 @@ fn a_decay_seen_by_a_gyro_leaves_no_noise_at_rest() {
     assert!(load(&out, &rig).unwrap().noise_at_rest.is_none());
 }
 
-/// What may stand in a cell that should hold a number, and whether the whole cell is then lost.
+/// Texts that may be in a cell that should hold a number.
 const SPOILT: [&str; 7] = ["NaN", "inf", "", "1,5e", "0x1F", "--", "1 2"];
 
 proptest! {

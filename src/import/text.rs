@@ -10,13 +10,12 @@ pub(crate) use decode::Decoder;
 /// No line of a table is longer: it is another file.
 const LINE_BYTES_MAX: u64 = 4 << 20;
 
-/// What a file begins with says how it is encoded and how its lines end.
+/// Encoding and line end of a file, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Format {
     pub encoding: Encoding,
     /// Bytes of the byte order mark.
     pub mark_bytes: usize,
-    /// Ends a line.
     pub line_end: u8,
 }
 
@@ -57,7 +56,6 @@ impl Format {
     }
 }
 
-/// Reads lines.
 pub(crate) struct Lines<R> {
     reader: BufReader<Decoder<R>>,
     line_end: u8,

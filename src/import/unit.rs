@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// What is measured.
+/// Physical quantity that a unit measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     /// \[m\]
@@ -28,7 +28,7 @@ use Dimension::{Angle, Force, Length, Moment, Pulse, Rate, Speed, Time};
 /// One unit.
 #[derive(Debug)]
 pub struct Unit {
-    /// What it measures.
+    /// Quantity that it measures.
     pub dimension: Dimension,
     /// As a map says it.
     pub name: &'static str,

@@ -11,7 +11,7 @@ use super::survey::Survey;
 use super::table::{Imported, Sample, pass};
 use behind::Behind;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::run::PerChannel;
+use hydroline_core::run::{COMPANIONS, Channel, PerChannel};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
@@ -32,26 +32,22 @@ const CHUNK_BYTES: u64 = 4 << 20;
 pub(crate) const RELATIVE_ORIGIN: &str = "import.relative_origin_ns";
 pub(crate) const RELATIVE_START: &str = "import.relative_start_unix_ns";
 
-/// Why nothing was imported.
+/// Reason why nothing was imported.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImportError {
-    /// Findings forbid it.
     #[error(
         "{faults} fault(s) in the data, nothing written; mend the file or the map, or import what is sound with --accept-faults"
     )]
-    Faults {
-        /// How many.
-        faults: usize,
-    },
+    Faults { faults: usize },
     /// The table, which was read before.
     #[error("{0}; the table could be read a moment ago: is it being written?")]
     Table(#[from] std::io::Error),
-    /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
 }
 
-/// What was left out, by kind.
+/// Numbers of rows and cells that were left out, by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Lost {
     /// Rows with too few or too many cells, without a time, or whose time does not advance.
@@ -69,20 +65,20 @@ impl Lost {
     }
 }
 
-/// What was written.
+/// Outcome of an import: numbers of records, losses and findings.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct ImportOutcome {
     /// Motion samples.
     pub samples: usize,
-    /// Commands.
+    /// Number of commands.
     pub commands: usize,
-    /// What was left out.
+    /// Rows and cells that were left out.
     pub lost: Lost,
-    /// What was found.
+    /// Findings about the table.
     pub findings: Vec<Finding>,
 }
 
-/// How to import.
+/// Options of an import. The default refuses tables with faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Options {
     /// Writes what is sound although there are faults. Default: no; a fault is for the person to look at first.
@@ -159,7 +155,6 @@ pub fn import_table(
     }
 }
 
-/// Writes one row after the other.
 struct Writer<'a> {
     map: &'a Map,
     log: Behind,
@@ -349,12 +344,15 @@ impl<'a> Writer<'a> {
     fn motion(&self, row: &Sample) -> pb::VehicleMotion {
         let value = |c: usize| Some(row.values[c]).filter(|v| v.is_finite());
         let channels = PerChannel::from_fn(|c| value(c.index()));
+        let companions: [_; COMPANIONS.len()] =
+            std::array::from_fn(|i| value(Channel::ALL.len() + i));
+        let [rudder_rad, elevator_rad, shaft_radps, wave_m] = companions;
         pb::VehicleMotion {
             covariance: self.covariance.clone(),
-            rudder_rad: value(12),
-            elevator_rad: value(13),
-            shaft_radps: value(14),
-            wave_m: value(15),
+            rudder_rad,
+            elevator_rad,
+            shaft_radps,
+            wave_m,
             ..pb::VehicleMotion::of(self.at(row.t_s), channels)
         }
     }

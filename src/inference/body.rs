@@ -37,10 +37,10 @@ impl Own {
     }
 }
 
-/// What is fitted.
+/// Runs, vehicle and candidate terms that models are fitted with.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// Measured.
+    /// The runs as they were measured.
     pub recording: Recording,
     /// The rig's vehicle.
     pub vehicle: Vehicle,
@@ -60,7 +60,7 @@ pub struct Body {
     pub rest: Vec<PerChannel<f64>>,
     /// Where one DOF alone moves and its position alone is measured: its line in every run.
     pub lines: Vec<Line>,
-    /// Candidates.
+    /// Terms that a model may hold beside the vehicle's own.
     pub candidates: Vec<Candidate>,
     /// Prior table.
     pub prior: PriorTable,
@@ -75,7 +75,7 @@ pub struct Body {
 /// Numbers of a model, scaled: the vehicle's own, each term's, each run's start.
 pub type Point = Vec<f64>;
 
-/// What simulations of one run give: residual's counterpart (channels per sample, rotated) and, column by column, its
+/// Simulation of one run: the measurements' counterpart (channels per sample, rotated) and, column by column, its
 /// derivatives by the scaled numbers.
 #[derive(Debug, Clone)]
 pub struct Simulated {
@@ -87,7 +87,6 @@ pub struct Simulated {
 
 /// Stretch at a run's start from which its rate there is taken \[s\], and the fewest samples of it.
 const RATE_OVER_S: f64 = 0.6;
-/// See there.
 const RATE_SAMPLES: usize = 5;
 /// A rate below this many of its own sd is none.
 const RATE_SD: f64 = 4.0;

@@ -37,7 +37,6 @@ const SHARE: f64 = 0.2;
 /// Forms fitted per table, and log odds below the best of the ranking at which none is: it is made at the table's own
 /// place, not at the form's.
 const FITTED: usize = 6;
-/// See there.
 const BELOW: f64 = 9.0;
 /// Share of a search's cost for which it goes on beside the forms.
 const GOES_ON: usize = 6;

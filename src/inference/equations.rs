@@ -5,14 +5,13 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::body::Simulated;
 use super::fit::{Normal, Problem, ln_determinant};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
 use super::table::TableCell;
-use hydroline_numerics::cancel;
+use hydroline_numerics::{cancel, parallel};
 
 /// Normal equations by DOF and cell, of one linearisation.
 pub(super) struct Equations<'a> {
@@ -45,14 +44,11 @@ impl<'a> Equations<'a> {
             .filter(|c| !self.known.contains_key(c))
             .copied()
             .collect();
-        let made: Vec<((usize, Cell), Normal)> = missing
-            .into_par_iter()
-            .map(|(d, cell)| {
-                cancel::check();
-                ((d, cell), self.problem.normal(all, d, cell, self.size))
-            })
-            .collect();
-        self.known.extend(made);
+        let made = parallel::map_slice(&missing, |&(d, cell)| {
+            cancel::check();
+            self.problem.normal(all, d, cell, self.size)
+        });
+        self.known.extend(missing.into_iter().zip(made));
     }
 
     /// Information with the prior's, gradient, cost.

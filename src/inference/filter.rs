@@ -1,6 +1,6 @@
 //! Noise and random force of one DOF, integrated out in innovations form.
 //!
-//! What a model leaves of one DOF's channels (position and rate) is taken to be: white noise and an Ornstein–Uhlenbeck
+//! A model's residual in one DOF's channels (position and rate) is taken to be: white noise and an Ornstein–Uhlenbeck
 //! process per channel (the instrument's), and the response of the DOF, linearised, to an Ornstein–Uhlenbeck force (what
 //! the model misses). The state is [response, its rate, force as an acceleration, colour of position, colour of rate];
 //! its Kalman filter turns a series into innovations over their sd. The filter is linear: residuals and the columns of a
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use hydroline_numerics::noise::Noise;
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 
-/// States.
+/// Number of states.
 const N: usize = 5;
 /// Stamps' distances are taken alike within this share: a filter's covariance needs no more.
 const GAP_DIGITS: f64 = 1e3;
@@ -43,7 +43,7 @@ impl Force {
     };
 }
 
-/// What the instruments add to position and rate of a DOF; `None` = not measured.
+/// Noise of the instruments of position and rate of a DOF; `None` = not measured.
 pub type Instruments = [Option<Noise>; 2];
 
 #[derive(Debug, Clone, Copy)]

@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 
+use hydroline_numerics::parallel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rayon::prelude::*;
 
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
@@ -34,7 +34,7 @@ pub struct Problem {
     pub worth: Worth,
 }
 
-/// How a fit is stopped.
+/// Limits at which a fit stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
     /// Steps for given sizes of the random forces.
@@ -49,7 +49,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// What most fits need.
+    /// Limits that suffice for most fits.
     pub const DEFAULT: Effort = Effort {
         steps: 15,
         rounds: 4,
@@ -229,10 +229,9 @@ impl Problem {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
         let body = Body::new(recording, rig, dofs, given, prior)?;
         let begin = body.begin();
-        let all: Vec<Simulated> = (0..body.recording.runs.len())
-            .into_par_iter()
-            .map(|run| body.simulated(run, &[], &begin))
-            .collect();
+        let all = parallel::map(body.recording.runs.len(), |run| {
+            body.simulated(run, &[], &begin)
+        });
         let mut made = Problem {
             worth: Worth::new(&body, &all),
             body,
@@ -253,10 +252,7 @@ impl Problem {
 
     /// All runs with derivatives; `None` where the motion is not finite.
     pub fn simulate(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Simulated>> {
-        let all: Vec<Simulated> = (0..self.runs())
-            .into_par_iter()
-            .map(|run| self.body.simulated(run, terms, point))
-            .collect();
+        let all = parallel::map(self.runs(), |run| self.body.simulated(run, terms, point));
         let finite = |s: &Simulated| s.values.iter().flatten().all(|v| v.is_finite());
         let slopes = |s: &Simulated| {
             s.columns
@@ -270,10 +266,7 @@ impl Problem {
 
     /// All runs.
     pub fn predicted(&self, terms: &[usize], point: &[f64]) -> Vec<Vec<PerChannel<f64>>> {
-        (0..self.runs())
-            .into_par_iter()
-            .map(|run| self.body.values(run, terms, point))
-            .collect()
+        parallel::map(self.runs(), |run| self.body.values(run, terms, point))
     }
 
     /// Channels of one DOF that are measured, by their places among its two.
@@ -388,17 +381,16 @@ impl Problem {
         let median = self.body.prior.misfit_over_tolerance;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
-            let each = cells.par_iter().map(|&cell| {
+            let each = parallel::map_slice(&cells, |&cell| {
                 let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
                 let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
                 ln_prior(cell, median) - cost
             });
-            -ln_sum(&each.collect::<Vec<f64>>())
+            -ln_sum(&each)
         };
         self.body.dofs.iter().map(of).sum()
     }
 
-    /// Cost alone.
     fn cost(&self, values: &[Vec<PerChannel<f64>>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
         let mut sum = 0.0;
         for (dof, filters) in filters {

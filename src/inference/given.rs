@@ -21,7 +21,7 @@ const GAP: f64 = 2.5;
 /// Rounds in which angles are smoothed with their own turn.
 const ROUNDS: usize = 2;
 
-/// What is given in a run: DOFs of `given` as they were measured, steady rates of those of neither `given` nor `simulated`,
+/// Given motion of a run: DOFs of `given` as they were measured, steady rates of those of neither `given` nor `simulated`,
 /// companions. `rest` = pose where nothing is measured.
 pub fn given(
     r: &Recorded,

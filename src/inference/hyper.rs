@@ -1,13 +1,13 @@
-//! What is common to all models of a recording (noise of the instruments) and what each has of its own (random forces).
+//! Noise of the instruments, common to all models of a recording, and the random forces that each model has of its own.
 
 use std::collections::BTreeMap;
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
+use hydroline_numerics::parallel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
-use rayon::prelude::*;
 
 use super::body::{Body, Simulated};
 use super::filter::{Filter, Force, Instruments, draw};
@@ -79,7 +79,7 @@ pub type Misfit = [Cell; 6];
 /// Size and length of each table, by its candidate.
 pub type Tables = BTreeMap<usize, TableCell>;
 
-/// What is chosen beside a model's numbers, and summed over.
+/// Cells that are chosen beside a model's numbers, and summed over.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cells {
     /// Random forces.
@@ -129,24 +129,19 @@ impl Worth {
     pub fn new(body: &Body, all: &[Simulated]) -> Worth {
         let channels = &body.recording.channels;
         let mut unit_mps2 = [[0.0; CORRELATIONS_S.len()]; 6];
-        let made: Vec<(usize, [f64; CORRELATIONS_S.len()])> = body
-            .dofs
-            .par_iter()
-            .map(|&d| {
-                // Positions where they are measured, rates else.
-                let [place, rate] = Channel::of(d);
-                let which = usize::from(!channels[place] && channels[rate]);
-                let channel = [place, rate][which];
-                let own = Own::new(all, channel);
-                let each = std::array::from_fn(|c| {
-                    let rms = own.worth(body, d, which, CORRELATIONS_S[c]);
-                    body.tolerance[channel] / rms.max(1e-12)
-                });
-                (d, each)
+        let made = parallel::map_slice(&body.dofs, |&d| {
+            // Positions where they are measured, rates else.
+            let [place, rate] = Channel::of(d);
+            let which = usize::from(!channels[place] && channels[rate]);
+            let channel = [place, rate][which];
+            let own = Own::new(all, channel);
+            std::array::from_fn(|c| {
+                let rms = own.worth(body, d, which, CORRELATIONS_S[c]);
+                body.tolerance[channel] / rms.max(1e-12)
             })
-            .collect();
-        for (d, each) in made {
-            unit_mps2[d] = each;
+        });
+        for (d, each) in body.dofs.iter().zip(made) {
+            unit_mps2[*d] = each;
         }
         Worth { unit_mps2 }
     }
@@ -160,7 +155,7 @@ impl Worth {
     }
 }
 
-/// What the vehicle's own numbers and the starts can do in one channel.
+/// Derivatives of one channel by the vehicle's own numbers and the starts, with the factor of their products.
 struct Own {
     derivatives: DMatrix<f64>,
     root: Option<Cholesky<f64, Dyn>>,

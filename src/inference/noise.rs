@@ -7,8 +7,8 @@
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
+use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::robust_sd;
-use rayon::prelude::*;
 
 use super::body::Body;
 use super::filter::{Filter, Force, Instruments};
@@ -33,7 +33,7 @@ const FINEST: f64 = 0.06;
 /// One DOF's residuals: (position, rate) per sample, NaN = missing.
 pub type Pairs = Vec<Vec<[f64; 2]>>;
 
-/// Which samples of a run count, per channel of a DOF.
+/// Samples of a run that count, per channel of a DOF.
 type Flags = Vec<Vec<[bool; 2]>>;
 
 /// Residuals of a DOF from predicted channels.
@@ -80,15 +80,10 @@ pub fn estimate(
     predicted: &[Vec<PerChannel<f64>>],
     before: Option<&Noises>,
 ) -> Noises {
-    let found: Vec<(usize, Instruments, Flags)> = body
-        .dofs
-        .par_iter()
-        .map(|&d| {
-            let pairs = residuals(body, predicted, d);
-            let (noise, used) = of_dof(body, d, &pairs, before);
-            (d, noise, used)
-        })
-        .collect();
+    let found = parallel::map_slice(&body.dofs, |&d| {
+        let pairs = residuals(body, predicted, d);
+        of_dof(body, d, &pairs, before)
+    });
     let mut made = Noises {
         channels: PerChannel::splat(None),
         used: body
@@ -98,8 +93,8 @@ pub fn estimate(
             .map(|r| vec![PerChannel::splat(false); r.times_s.len()])
             .collect(),
     };
-    for (d, noise, used) in found {
-        for (c, channel) in Channel::of(d).into_iter().enumerate() {
+    for (d, (noise, used)) in body.dofs.iter().zip(found) {
+        for (c, channel) in Channel::of(*d).into_iter().enumerate() {
             made.channels[channel] = noise[c];
             for (made, f) in made.used.iter_mut().flatten().zip(used.iter().flatten()) {
                 made[channel] = f[c];

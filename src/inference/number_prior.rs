@@ -1,4 +1,4 @@
-//! What is believed of all numbers of a model before any data: a density each, and one for each table's points together.
+//! Prior of all numbers of a model: a density each, and one for each table's points together.
 
 use hydroline_sim::vehicle::Hydrodynamics;
 use nalgebra::{DMatrix, DVector};
@@ -97,7 +97,7 @@ impl NumberPrior {
 }
 
 impl Problem {
-    /// What is believed of a model's numbers.
+    /// Prior of a model's numbers.
     pub fn number_prior(&self, terms: &[usize]) -> NumberPrior {
         let places = self.body.places(terms);
         let tables = terms.iter().zip(places);
@@ -117,7 +117,7 @@ impl Problem {
         }
     }
 
-    /// What a table's sizes are counted in, and their median; `None` where a candidate is no table.
+    /// Unit of a table's sizes, and their median in it; `None` where a candidate is no table.
     pub(super) fn unit(&self, candidate: usize) -> Option<(f64, f64)> {
         let prior = &self.body.prior;
         match self.body.candidates[candidate].kind {

@@ -1,4 +1,4 @@
-//! What a run by a plan would say before it is made.
+//! Expected information of a run by a plan, before the run is made.
 //!
 //! Response of the motion to every number asked, whitened by the noise to expect; their inner products are the Fisher
 //! information of the run (Pukelsheim 2006, ch. 3), which adds up over runs. Where the run begins is fitted with it and

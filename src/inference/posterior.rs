@@ -23,7 +23,7 @@ pub fn above_tolerance(fit: &super::fit::Fit, dof: usize) -> f64 {
 /// A marginal of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Marginal {
-    /// Candidate.
+    /// Candidate, by index.
     pub candidate: usize,
     /// Probability that it is in the model.
     pub probability: f64,

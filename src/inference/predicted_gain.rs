@@ -1,4 +1,4 @@
-//! What a candidate would gain beside a fitted model: the score test, by the response of the motion to it.
+//! Gain of a candidate beside a fitted model: the score test, by the response of the motion to it.
 //!
 //! The response is finite (the candidate at a typical size), so that thresholds and delays, whose derivative at nothing
 //! is nothing, are asked as well. It is projected off everything that the model can already do.
@@ -7,14 +7,13 @@ use std::collections::BTreeMap;
 
 use hydroline_core::run::PerChannel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use rayon::prelude::*;
 
 use super::body::Point;
 use super::filter::Filter;
 use super::fit::{Fit, Problem};
 use super::hyper::{Cell, filters};
 use super::term::Kind;
-use hydroline_numerics::cancel;
+use hydroline_numerics::{cancel, parallel};
 
 /// Places in the table of sizes by which the random force is taken smaller for a second look: it shrinks when the right
 /// effect joins.
@@ -41,7 +40,7 @@ type Motion = Vec<Vec<PerChannel<f64>>>;
 /// A candidate beside a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PredictedGain {
-    /// Candidate.
+    /// Place of the candidate among the body's.
     pub candidate: usize,
     /// Natural numbers to begin from.
     pub numbers: Vec<f64>,
@@ -61,13 +60,12 @@ struct View {
     residuals: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
     filters: BTreeMap<usize, Vec<Filter>>,
     gradient: DVector<f64>,
-    /// Of the whole model.
     whole: Left,
     /// Of the model without each of its members.
     without: Vec<Option<(Left, Products)>>,
 }
 
-/// What a model, or one without a member, can do by itself.
+/// Numbers of a model, or of one without a member, that responses are projected off.
 struct Left {
     keep: Vec<usize>,
     root: Cholesky<f64, Dyn>,
@@ -85,7 +83,7 @@ impl Left {
         })
     }
 
-    /// What of a response with these products is outside, by itself; and what turns products of others likewise.
+    /// Products of a response with these numbers, and the change of the numbers that takes it up.
     fn solve(&self, with_columns: &DVector<f64>) -> (DVector<f64>, DVector<f64>) {
         let part = self.part(with_columns);
         let solved = self.root.solve(&part);
@@ -124,7 +122,7 @@ fn minus(mut made: Motion, here: &[Vec<PerChannel<f64>>]) -> Option<Motion> {
 }
 
 impl Problem {
-    /// What a model can do by itself; `known` = as far as the prior lets it.
+    /// View of a model at its point; `known` = with the prior of its numbers.
     fn view(
         &self,
         fit: &Fit,
@@ -189,7 +187,7 @@ impl Problem {
                 let keep = (0..n)
                     .filter(|i| !(places[m]..places[m + 1]).contains(i))
                     .collect();
-                // What varies with a member goes with it: no exchange is predicted for those.
+                // A member's trends go with it: no exchange is predicted for those.
                 if self.dependants(&fit.terms, m).next().is_some() {
                     return None;
                 }
@@ -226,10 +224,10 @@ impl Problem {
         (!made.white.is_empty()).then_some(made)
     }
 
-    /// What may be added to a model or put in a member's place, best first of each candidate's points.
+    /// Gains of what may be added to a model or put in a member's place, each at its best point; the largest first.
     pub fn predicted_gains(&self, fit: &Fit) -> Vec<PredictedGain> {
         let here = self.predicted(&fit.terms, &fit.point);
-        // What each member does now.
+        // Motion without each member, minus the motion with all of them.
         let members: Vec<Option<Motion>> = (0..fit.terms.len())
             .map(|m| {
                 let (terms, point) = self.without(fit, m);
@@ -248,55 +246,52 @@ impl Problem {
             .filter(|c| !fit.terms.contains(c) && self.body.candidates[*c].kind == Kind::Effect)
             .flat_map(|c| (0..self.body.candidates[c].starts.len()).map(move |s| (c, s)))
             .collect();
-        let found: Vec<Vec<PredictedGain>> = asked
-            .into_par_iter()
-            .map(|(c, s)| {
-                cancel::check();
-                let candidate = &self.body.candidates[c];
-                let start = &candidate.starts[s];
-                let (terms, point) = self.with(fit, c, start);
-                let Some(response) = minus(self.predicted(&terms, &point), &here) else {
-                    return Vec::new();
+        let found = parallel::map_slice(&asked, |&(c, s)| {
+            cancel::check();
+            let candidate = &self.body.candidates[c];
+            let start = &candidate.starts[s];
+            let (terms, point) = self.with(fit, c, start);
+            let Some(response) = minus(self.predicted(&terms, &point), &here) else {
+                return Vec::new();
+            };
+            let mut made = Vec::new();
+            for view in [Some(&plain), shrunk.as_ref()].into_iter().flatten() {
+                let Some(p) = self.products(view, &response) else {
+                    continue;
                 };
-                let mut made = Vec::new();
-                for view in [Some(&plain), shrunk.as_ref()].into_iter().flatten() {
-                    let Some(p) = self.products(view, &response) else {
-                        continue;
-                    };
-                    let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
-                    let mut offer = |left: &Left, gone: Option<(usize, &Products)>| {
-                        let (part, solved) = left.solve(&p.with_columns);
-                        let size = own - part.dot(&solved);
-                        if size < SEEN * own || size <= 0.0 {
-                            return;
-                        }
-                        let mut along = p.with_residual - solved.dot(&left.gradient);
-                        if let Some((_, q)) = gone {
-                            // Without the member the residual is larger by what it did.
-                            let each = q.white.iter();
-                            let cross: f64 = each
-                                .filter_map(|(k, w)| Some(dot(w, p.white.get(k)?)))
-                                .sum();
-                            along -= cross - solved.dot(&left.part(&q.with_columns));
-                        }
-                        let share = self.share(c, start, along / size);
-                        made.push(PredictedGain {
-                            candidate: c,
-                            numbers: candidate.at_share(start, candidate.stretched(), share),
-                            gain: share * along - 0.5 * share * share * size,
-                            instead: gone.map(|g| g.0),
-                        });
-                    };
-                    offer(&view.whole, None);
-                    for (m, without) in view.without.iter().enumerate() {
-                        if let Some((left, products)) = without {
-                            offer(left, Some((m, products)));
-                        }
+                let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+                let mut offer = |left: &Left, gone: Option<(usize, &Products)>| {
+                    let (part, solved) = left.solve(&p.with_columns);
+                    let size = own - part.dot(&solved);
+                    if size < SEEN * own || size <= 0.0 {
+                        return;
+                    }
+                    let mut along = p.with_residual - solved.dot(&left.gradient);
+                    if let Some((_, q)) = gone {
+                        // Without the member the residual is larger by what it did.
+                        let each = q.white.iter();
+                        let cross: f64 = each
+                            .filter_map(|(k, w)| Some(dot(w, p.white.get(k)?)))
+                            .sum();
+                        along -= cross - solved.dot(&left.part(&q.with_columns));
+                    }
+                    let share = self.share(c, start, along / size);
+                    made.push(PredictedGain {
+                        candidate: c,
+                        numbers: candidate.at_share(start, candidate.stretched(), share),
+                        gain: share * along - 0.5 * share * share * size,
+                        instead: gone.map(|g| g.0),
+                    });
+                };
+                offer(&view.whole, None);
+                for (m, without) in view.without.iter().enumerate() {
+                    if let Some((left, products)) = without {
+                        offer(left, Some((m, products)));
                     }
                 }
-                made
-            })
-            .collect();
+            }
+            made
+        });
         // Of each candidate and place the best point.
         let mut best: BTreeMap<(usize, Option<usize>), PredictedGain> = BTreeMap::new();
         for p in found.into_iter().flatten() {
@@ -318,38 +313,38 @@ impl Problem {
             return Vec::new();
         };
         let here = self.predicted(&fit.terms, &fit.point);
-        (0..self.body.candidates.len())
-            .into_par_iter()
-            .filter(|c| {
-                let candidate = &self.body.candidates[*c];
-                !fit.terms.contains(c) && !candidate.own && candidate.kind == Kind::Effect
-            })
-            .filter(|c| {
-                let candidate = &self.body.candidates[*c];
-                let Some(start) = candidate.starts.first() else {
-                    return false;
-                };
-                let share = if candidate.linear.is_empty() {
-                    1.0
-                } else {
-                    SMALL
-                };
-                let numbers = candidate.at_share(start, candidate.stretched(), share);
-                let (terms, point) = self.with(fit, *c, &numbers);
-                let Some(response) = minus(self.predicted(&terms, &point), &here) else {
-                    return false;
-                };
-                let Some(p) = self.products(&view, &response) else {
-                    return true;
-                };
-                let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
-                let (part, solved) = view.whole.solve(&p.with_columns);
-                0.5 * (own - part.dot(&solved)) < DETECTABLE_NAT * share * share
-            })
-            .collect()
+        let asked = |c: &usize| {
+            let candidate = &self.body.candidates[*c];
+            !fit.terms.contains(c) && !candidate.own && candidate.kind == Kind::Effect
+        };
+        let asked: Vec<usize> = (0..self.body.candidates.len()).filter(asked).collect();
+        let unseen = parallel::map_slice(&asked, |c| {
+            let candidate = &self.body.candidates[*c];
+            let Some(start) = candidate.starts.first() else {
+                return false;
+            };
+            let share = if candidate.linear.is_empty() {
+                1.0
+            } else {
+                SMALL
+            };
+            let numbers = candidate.at_share(start, candidate.stretched(), share);
+            let (terms, point) = self.with(fit, *c, &numbers);
+            let Some(response) = minus(self.predicted(&terms, &point), &here) else {
+                return false;
+            };
+            let Some(p) = self.products(&view, &response) else {
+                return true;
+            };
+            let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+            let (part, solved) = view.whole.solve(&p.with_columns);
+            0.5 * (own - part.dot(&solved)) < DETECTABLE_NAT * share * share
+        });
+        let each = asked.into_iter().zip(unseen);
+        each.filter_map(|(c, unseen)| unseen.then_some(c)).collect()
     }
 
-    /// How far a response may be stretched: within what its numbers may be, and where the law is linear no less.
+    /// Bounds how far a response is stretched: within what its numbers may be, and where the law is linear no less.
     fn share(&self, candidate: usize, start: &[f64], share: f64) -> f64 {
         let c = &self.body.candidates[candidate];
         let Some(scale) = c.scales.first() else {

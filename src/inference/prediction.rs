@@ -1,7 +1,8 @@
-//! What a model predicts of runs that it has not seen, and how well its numbers are known for that.
+//! Predictions of runs that a model has not seen, and how well its numbers are known for that.
 
 use hydroline_core::run::{Channel, PerChannel};
 use nalgebra::{Cholesky, DMatrix, DVector};
+use std::f64::consts::TAU;
 
 use super::body::Point;
 use super::filter::Force;
@@ -54,7 +55,7 @@ impl Problem {
         Some(at)
     }
 
-    /// What a model predicts of runs that it has not seen.
+    /// Predicts runs that a model has not seen: their starts are fitted, all other numbers are the fit's.
     pub fn predict(&self, fit: &Fit) -> Option<Prediction> {
         let point = self.with_starts(&fit.terms, &fit.point)?;
         Some(Prediction {
@@ -113,6 +114,24 @@ impl Problem {
             }))
         });
         each.collect()
+    }
+
+    /// Log density of each run's samples under a prediction: each sample by itself, normal with the variance of its noise and
+    /// of the prediction \[nat\].
+    pub fn log_density(&self, prediction: &Prediction) -> Vec<f64> {
+        let left = self.left_by_run(&prediction.values);
+        let each = left.iter().zip(&prediction.sd).zip(&self.noises.used);
+        each.map(|((rms, sd), used)| {
+            let channels = self.noises.channels.each();
+            let densities = channels.filter_map(|(c, noise)| {
+                let samples = used.iter().filter(|u| u[c]).count() as f64;
+                let variance = noise.as_ref()?.total_sd().powi(2) + sd[c].powi(2);
+                let mean = (TAU * variance).ln() + rms[c].powi(2) / variance;
+                mean.is_finite().then_some(-0.5 * samples * mean)
+            });
+            densities.sum()
+        })
+        .collect()
     }
 
     /// Every run as the others predict it, each model fitted anew without it.

@@ -78,9 +78,9 @@ impl PriorTable {
 pub enum Density {
     /// Student's t with `freedom` degrees about `centre`.
     Student {
-        /// Centre.
+        /// Centre of the density.
         centre: f64,
-        /// Scale.
+        /// Scale of the density: the sd where it is normal.
         scale: f64,
         /// Degrees of freedom; infinite = normal.
         freedom: f64,
@@ -92,7 +92,7 @@ pub enum Density {
 }
 
 impl Density {
-    /// Normal.
+    /// Normal density.
     pub fn normal(centre: f64, sd: f64) -> Density {
         Density::Student {
             centre,

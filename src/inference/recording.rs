@@ -1,4 +1,4 @@
-//! What was measured: all channels of all runs, in the axes in which noise and random forces are described.
+//! Measurements: all channels of all runs, in the axes in which noise and random forces are described.
 //!
 //! Errors of x and y are looked at along the body's own axes (rotated by the measured heading): there a DOF's misfit shows
 //! in that DOF's channel. The turn is the same for every model, so that likelihoods compare.
@@ -58,7 +58,7 @@ pub fn averaged<const N: usize>(commands: Vec<(f64, [f64; N])>) -> Vec<(f64, [f6
             std::array::from_fn(|d| (impulse[d] + load[d] * (to_s - now_s)) / HOLD_S),
         );
     }
-    // What holds behind the last command holds from the end of its while.
+    // The load behind the last command holds from the end of its while.
     push(begin_s + HOLD_S * (whiles + 1) as f64, load);
     made
 }
@@ -110,7 +110,7 @@ fn thinned(run: &Run, most_hz: f64) -> Vec<&Sample> {
 /// One run.
 #[derive(Debug, Clone)]
 pub struct Recorded {
-    /// Name.
+    /// Name of the run.
     pub name: String,
     /// Stamps \[s since the log's first stamp\].
     pub times_s: Vec<f64>,
@@ -124,16 +124,16 @@ pub struct Recorded {
     pub commands: Vec<(f64, [f64; 6])>,
     /// (sine, cosine) of the heading at each stamp.
     pub heading: Vec<(f64, f64)>,
-    /// What was measured beside the motion.
+    /// Companions, measured beside the motion.
     pub companions: Companions,
 }
 
 /// All runs.
 #[derive(Debug, Clone)]
 pub struct Recording {
-    /// Runs.
+    /// Runs; samples denser than are looked at are thinned out.
     pub runs: Vec<Recorded>,
-    /// Which channels any run measured.
+    /// Channels that any run measured.
     pub channels: PerChannel<bool>,
 }
 
@@ -221,7 +221,7 @@ impl Recording {
                     let fast = robust_sd(&second) / 6f64.sqrt();
                     let (slow, of) = means(&r.times_s, &all);
                     let least = tolerance[c] / 3.0;
-                    // What swings within a second has no means.
+                    // The means of a swing within a second say nothing: its values are asked as well.
                     off_median(slow) > (MOVES * fast / of.sqrt()).max(least)
                         || off_median(seen) > (MOVES * fast).max(least)
                 })
@@ -309,7 +309,7 @@ impl Recorded {
         state
     }
 
-    /// What was measured at sample `k`, rotated likewise; a heading of 0 leaves a single coordinate as it is.
+    /// Channels measured at sample `k`, rotated likewise; a heading of 0 leaves a single coordinate as it is.
     pub fn measured(&self, k: usize) -> PerChannel<f64> {
         let mut v = self.values[k];
         if v[X].is_finite() && v[Y].is_finite() {

@@ -8,7 +8,7 @@ mod proposals;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 
 use hydroline_core::run::Channel;
 use hydroline_identify::parameter::Term;
@@ -38,7 +38,7 @@ pub struct Options {
     pub tables: usize,
     /// Known laws fitted, as nearly right, in the place of a force of no known effect.
     pub laws: usize,
-    /// What all fits may cost, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
+    /// Budget of all fits, in fits of one pass of sensitivities ([`Body::passes_of`]): a table costs as much as several
     /// effects.
     pub cost: usize,
     /// Models scored anew when the noise changes.
@@ -90,7 +90,7 @@ impl Default for Options {
     }
 }
 
-/// What a search found.
+/// Outcome of a search.
 #[derive(Debug)]
 pub struct Found {
     /// The problem, with the noise at the end.
@@ -136,11 +136,10 @@ impl Search<'_> {
         self.fits += jobs.len();
         let body = &self.problem.body;
         self.cost += jobs.iter().map(|j| body.passes_of(&j.0)).sum::<usize>();
-        let made: Vec<Fit> = jobs
-            .into_par_iter()
-            .filter_map(|(terms, from, cells)| self.problem.fit(&terms, &from, cells, effort))
-            .collect();
-        for fit in made {
+        let made = parallel::map_owned(jobs, |(terms, from, cells)| {
+            self.problem.fit(&terms, &from, cells, effort)
+        });
+        for fit in made.into_iter().flatten() {
             tracing::debug!(
                 "{:.1} evidence {:.1} {:?} {:?}",
                 fit.ln_score,
@@ -247,6 +246,15 @@ impl Search<'_> {
         may.map(|may| may && commanded)
     }
 
+    fn found(self) -> Found {
+        Found {
+            given_up: self.not_followed(),
+            problem: self.problem,
+            models: self.models,
+            fits: self.fits,
+        }
+    }
+
     /// DOFs that the best model does not follow, of those that may be given up; none where nothing would be left to explain.
     fn not_followed(&self) -> Vec<usize> {
         let Some(best) = self.best() else {
@@ -329,12 +337,7 @@ pub fn search(
     if !search.gives_up() {
         search.with_shorter_noise(options.cost / 3);
     }
-    Some(Found {
-        given_up: search.not_followed(),
-        problem: search.problem,
-        models: search.models,
-        fits: search.fits,
-    })
+    Some(search.found())
 }
 
 /// Searches about a model that is known: the noise stays as it is, and nothing else is asked first.
@@ -369,12 +372,7 @@ pub(super) fn resumed(
         progress,
     };
     search.run();
-    Found {
-        given_up: search.not_followed(),
-        problem: search.problem,
-        models: search.models,
-        fits: search.fits,
-    }
+    search.found()
 }
 
 #[cfg(test)]

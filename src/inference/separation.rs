@@ -1,4 +1,4 @@
-//! How far a model can follow what another one would do in a run that is not there yet.
+//! Separation of two models: how far one can follow what the other would do in a run that is not there yet.
 //!
 //! The run is predicted under one model; the other is refitted to it together with what the runs at hand say of its
 //! numbers. What it still cannot follow, in half squares of the noise and its own random force, is the log Bayes factor to
@@ -69,7 +69,7 @@ impl Problem {
         }
         planned.body.recording.runs[0].values = motion;
         let own = globals(other)?;
-        // What the runs at hand leave open of these numbers, their starts taken out.
+        // Precision of these numbers by the runs at hand, their starts taken out.
         let known =
             Cholesky::new(other.covariance.view((0, 0), (own, own)).into_owned())?.inverse();
         let mut at: Point = other.point[..own].to_vec();

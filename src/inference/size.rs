@@ -19,7 +19,7 @@ const SPEED: f64 = 0.15;
 /// Up to this many of these loads the sizes serve as they are. Small loads do not make a vehicle small.
 const ALIKE: f64 = 5.0;
 
-/// How much larger than the library's a vehicle is, per DOF.
+/// Size of a vehicle over the library's, per DOF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Size {
     /// Factor of loads.
@@ -176,7 +176,7 @@ mod tests {
     fn every_unit_of_the_library_scales_or_is_said_to_stay() {
         // Of pictures and stamps; `SI` is another one for each choice of the effect's words, with a range that is wide for any.
         const STAY: [&str; 5] = ["grey level", "px", "Hz", "1e-6", "SI"];
-        // What data wrote is searched by no range.
+        // A law written from data is searched within no range.
         for info in ALL.iter().filter(|i| !i.is_written()) {
             for p in info.parameters {
                 assert!(

@@ -13,7 +13,6 @@ type Matrix = [[f64; 3]; 3];
 
 /// Steps of the logarithm of the jerk's size in the first look, and what the search ends with.
 const LOOK: f64 = 2.5;
-/// See there.
 const FINE: f64 = 0.05;
 /// Where no jerk is fewer than one in this share of the noise over the whole series, and more than what joins all samples.
 const SPAN_LN: f64 = 10.0;
@@ -92,7 +91,7 @@ struct Series<'a> {
     interval_s: f64,
 }
 
-/// What a filter went through at one stamp.
+/// Record of a filter at one stamp, for the way back.
 struct Passed {
     dt_s: f64,
     predicted: State,
@@ -290,7 +289,7 @@ impl Smoothed {
             return [last[0], 0.0, 0.0];
         };
         let (s, h) = (t_s - self.times_s[k], self.times_s[k + 1] - self.times_s[k]);
-        // What the end misses of the state carried on from the beginning, by powers of the way.
+        // Misses of the state carried on from the beginning at the end, by powers of the way.
         let carried = ahead(*a, h);
         let (d0, d1, d2) = (
             b[0] - carried[0],

@@ -1,4 +1,4 @@
-//! What is said of a fitted model: residuals, weights of its effects, predictions of runs it has not seen.
+//! Figures of a fitted model: residuals, weights of its effects, predictions of runs it has not seen.
 
 use hydroline_core::run::{Channel, PerChannel, Run};
 use hydroline_rigs::Rig;
@@ -78,7 +78,7 @@ impl Problem {
         self.left_of(&self.predicted(terms, point))
     }
 
-    /// What a model predicts with the best change of all its numbers, to first order and by least squares, all channels in
+    /// Motion of a model with the best change of all its numbers, to first order and by least squares, all channels in
     /// units of what matters. A fit beside a random force lets the vehicle drift, for the force forgives it; what the
     /// instruments add is to be seen beside the motion that comes closest.
     pub fn closest(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Vec<PerChannel<f64>>>> {
@@ -130,7 +130,7 @@ impl Problem {
     pub fn weights(&self, fit: &Fit) -> Vec<Rms> {
         let alone = |keep: Option<usize>| -> (Vec<usize>, Point) {
             let mut made = fit.clone();
-            // What varies with an effect stays with it.
+            // A trend stays with its effect.
             let of = |m: usize| match self.body.candidates[fit.terms[m]].kind {
                 Kind::Trend { of } => fit.terms.iter().position(|t| *t == of),
                 _ => Some(m),

@@ -43,8 +43,8 @@ impl TableCell {
 }
 
 /// A kernel of unit size.
-struct Kernel {
-    precision: DMatrix<f64>,
+pub(super) struct Kernel {
+    pub(super) precision: DMatrix<f64>,
     ln_determinant: f64,
 }
 
@@ -52,7 +52,7 @@ struct Kernel {
 const NO_MEAN: f64 = 1e4;
 
 /// Kernels of any function, and of functions without a mean.
-fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
+pub(super) fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
     static PLAIN: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
     static CENTRED: OnceLock<[Kernel; LENGTHS.len()]> = OnceLock::new();
     if centred {
@@ -81,12 +81,6 @@ fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
     })
 }
 
-/// Precision of a table of unit size with this length, by its place.
-#[cfg(test)]
-pub(super) fn precision(length: usize) -> DMatrix<f64> {
-    kernels(false)[length].precision.clone()
-}
-
 /// The same kernel, of functions whose mean over the points is 0: a law's number has the mean already.
 fn without_mean(kernel: &Kernel) -> Kernel {
     let mean = DMatrix::from_element(POINTS, POINTS, NO_MEAN / POINTS as f64);
@@ -106,11 +100,11 @@ fn without_mean(kernel: &Kernel) -> Kernel {
 /// A table among the numbers of a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// Candidate.
+    /// Place of the table among the body's candidates.
     pub candidate: usize,
     /// Place of its first point among the numbers.
     pub first: usize,
-    /// What its sizes are counted in.
+    /// Unit of its sizes: \[N, N m\] of a force, 1 of a trend.
     pub unit: f64,
     /// Median of the size, in units.
     pub median: f64,

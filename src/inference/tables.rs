@@ -1,11 +1,11 @@
-//! What a table would gain beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
+//! Gain of a table beside a fitted model: a force of no known effect, or the law of a member that is only nearly the
 //! library's.
 //!
 //! A table has as many directions as points; all are taken at nothing, its size and length are chosen as those of random
 //! forces are, and its points integrated out.
 
+use hydroline_numerics::parallel;
 use hydroline_rigs::Dof;
-use rayon::prelude::*;
 
 use super::equations::Equations;
 use super::fit::{Fit, Problem};
@@ -25,7 +25,6 @@ const SHRUNK: usize = 3;
 /// A table beside a model.
 #[derive(Debug, Clone)]
 pub(super) struct TableGain {
-    /// Candidate.
     pub candidate: usize,
     /// Cells at which it is worth most.
     pub cells: Cells,
@@ -86,38 +85,35 @@ impl Problem {
         let number_prior = self.number_prior(&fit.terms);
         let mut equations = Equations::new(self, fit.point.len());
         let before = equations.restricted(&here, &fit.cells, &number_prior, &fit.point);
-        let mut made: Vec<TableGain> = asked
-            .into_par_iter()
-            .filter_map(|candidate| {
-                let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
-                let (terms, point) = self.with(fit, candidate, &nothing);
-                let all = self.simulate(&terms, &point)?;
-                let number_prior = self.number_prior(&terms);
-                let mut equations = Equations::new(self, point.len());
-                let from = [0, SHRUNK].map(|by| {
-                    let mut cells = fit.cells.clone();
-                    for cell in &mut cells.misfit {
-                        *cell = Cell {
-                            size: cell.size.saturating_sub(by),
-                            ..*cell
-                        };
-                    }
-                    cells
-                });
-                let each = from.into_iter();
-                let each = each.map(|cells| equations.choose(&all, cells, &number_prior, &point));
-                let (cells, after) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
-                // Each number that is integrated out brings its share of the normal density's constant.
-                let more =
-                    0.5 * (point.len() - fit.point.len()) as f64 * std::f64::consts::TAU.ln();
-                let gain = before - after + more;
-                gain.is_finite().then_some(TableGain {
-                    candidate,
-                    cells,
-                    gain,
-                })
+        let made = parallel::map_slice(&asked, |&candidate| {
+            let nothing = vec![0.0; self.body.candidates[candidate].scales.len()];
+            let (terms, point) = self.with(fit, candidate, &nothing);
+            let all = self.simulate(&terms, &point)?;
+            let number_prior = self.number_prior(&terms);
+            let mut equations = Equations::new(self, point.len());
+            let from = [0, SHRUNK].map(|by| {
+                let mut cells = fit.cells.clone();
+                for cell in &mut cells.misfit {
+                    *cell = Cell {
+                        size: cell.size.saturating_sub(by),
+                        ..*cell
+                    };
+                }
+                cells
+            });
+            let each = from.into_iter();
+            let each = each.map(|cells| equations.choose(&all, cells, &number_prior, &point));
+            let (cells, after) = each.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            // Each number that is integrated out brings its share of the normal density's constant.
+            let more = 0.5 * (point.len() - fit.point.len()) as f64 * std::f64::consts::TAU.ln();
+            let gain = before - after + more;
+            gain.is_finite().then_some(TableGain {
+                candidate,
+                cells,
+                gain,
             })
-            .collect();
+        });
+        let mut made: Vec<TableGain> = made.into_iter().flatten().collect();
         made.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         for p in made.iter().take(4) {
             let c = &self.body.candidates[p.candidate];

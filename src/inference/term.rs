@@ -13,7 +13,7 @@ use hydroline_sim::vehicle::Hydrodynamics;
 use super::prior::{Scale, nothing};
 use super::size::Size;
 
-/// What effects may act on: what decides where each may be asked.
+/// Motion, loads and vehicle that effects may act on: they decide where each may be asked.
 #[derive(Debug, Clone, Copy)]
 pub struct Ground<'a> {
     /// DOFs that are simulated.
@@ -32,7 +32,7 @@ pub struct Ground<'a> {
     pub vehicle: &'a Vehicle,
 }
 
-/// What a candidate adds to a model.
+/// Kind of term that a candidate adds to a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// An effect of the library.
@@ -61,7 +61,7 @@ pub enum Kind {
 /// Something that may have been left out, at one place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// What it is.
+    /// Kind of term.
     pub kind: Kind,
     /// The effect.
     pub info: &'static EffectInfo,
@@ -303,7 +303,7 @@ pub(super) fn is_function_of(
     };
     let at = |share: f64| from + (to - from) * share;
     let asked = || -> Option<bool> {
-        // What rounding of the whole motion leaves.
+        // Rounding of the whole motion leaves this much.
         let equal = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + a.abs());
         let (mut same, mut varies) = (true, false);
         let first = force(at(0.12), 1.0)?;
@@ -433,7 +433,7 @@ impl Candidate {
             linear: Vec::new(),
             own: false,
         };
-        // What acts in no DOF of its own is as large as what the first of them bears.
+        // An effect that acts in no DOF of its own is as large as the first simulated DOF bears.
         let dof = made.dof().or(ground.dofs.first().copied()).unwrap_or(0);
         let sized = info.parameters.iter().map(|p| ground.size.sized(p, dof));
         made.parameters = sized.collect();
@@ -796,7 +796,7 @@ mod tests {
             assert!(surge.iter().any(|n| n == id), "{id}");
             assert!(!roll.iter().any(|n| n == id), "{id}");
         }
-        // What names its DOF is asked in it, driven or not, at loads however small.
+        // An effect that names its DOF is asked in it, driven or not, at loads however small.
         let in_dof = |info: &&&EffectInfo| {
             let dof = info.words.first().filter(|_| info.words.len() == 1);
             dof.is_some_and(|w| w.name == "dof" && w.allowed.contains(&"surge"))

@@ -36,7 +36,7 @@ pub use error::ProveError;
 pub use judge::{How, Judged, judge};
 pub use score::{Score, score};
 
-use rayon::prelude::*;
+use hydroline_numerics::parallel;
 
 /// Makes, diagnoses and scores cases in parallel; `done` is called with each as it ends. The result
 /// does not depend on the number of threads: each case has its own seed. With `kept`, a case that lies
@@ -51,25 +51,23 @@ pub fn run(
     kept: Option<&Kept>,
     done: &(dyn Fn(&Judged) + Sync),
 ) -> Result<Vec<Judged>, ProveError> {
-    ids.par_iter()
-        .map(|(category, index)| {
-            let id = format!("{}-{index}", category.name());
-            let known = kept
-                .map(|k| k.read(&id, how.observe))
-                .transpose()?
-                .flatten();
-            let judged = match known {
-                Some(judged) => judged,
-                None => {
-                    let judged = judge(&make(seed, *category, *index)?, how)?;
-                    if let Some(kept) = kept {
-                        kept.write(&judged, how.observe)?;
-                    }
-                    judged
+    parallel::try_map_slice(ids, |(category, index)| {
+        let id = format!("{}-{index}", category.name());
+        let known = kept
+            .map(|k| k.read(&id, how.observe))
+            .transpose()?
+            .flatten();
+        let judged = match known {
+            Some(judged) => judged,
+            None => {
+                let judged = judge(&make(seed, *category, *index)?, how)?;
+                if let Some(kept) = kept {
+                    kept.write(&judged, how.observe)?;
                 }
-            };
-            done(&judged);
-            Ok(judged)
-        })
-        .collect()
+                judged
+            }
+        };
+        done(&judged);
+        Ok(judged)
+    })
 }

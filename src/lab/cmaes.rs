@@ -10,7 +10,7 @@ use hydroline_identify::forward::ForwardError;
 use hydroline_identify::method::{Method, MethodError, Solution};
 use hydroline_identify::problem::{Objective, Problem};
 
-/// Settings.
+/// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cmaes {
     /// Runs with doubled population after each; the best counts.

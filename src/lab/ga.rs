@@ -14,9 +14,9 @@ use hydroline_identify::problem::{Objective, Problem};
 /// Settings; the default is Table 8.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Genetic {
-    /// Candidates.
+    /// Candidates per generation.
     pub population: usize,
-    /// Generations.
+    /// Generations per run.
     pub iterations: usize,
     /// Probability that a pair is crossed.
     pub crossover: f64,

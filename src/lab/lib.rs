@@ -1,4 +1,4 @@
-//! What proves and reproduces, and is not the product: sealed cases diagnosed blind ([`benchmark`]), the paper's tables and
+//! Proofs and reproductions, which are not the product: sealed cases diagnosed blind ([`benchmark`]), the paper's tables and
 //! figures computed ([`reproduce`]), and the methods that both are compared with: other searches for coefficients
 //! ([`cmaes`], [`ga`]), all [`maps`] from image to laser plane.
 //!

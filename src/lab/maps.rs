@@ -13,9 +13,9 @@ use truth::{Rig, prior};
 /// One line of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// Map.
+    /// Method of the map.
     pub method: Method,
-    /// What the camera looks through, and how well its nodes are known.
+    /// Port or air before the camera, and noise of the nodes.
     pub case: Case,
     /// Root mean square in ξ \[mm\].
     pub rms_xi_mm: f64,
@@ -80,7 +80,7 @@ impl Case {
     }
 }
 
-/// What the table shows, in words to print beside it.
+/// Findings of the table, in words to print beside it.
 pub const EXPLANATION: &str = "\
 The literal Wang-Cheng maps (affine, bilinear, graticule) err by about 0.5 mm rms and 0.9 mm at most in eta, \
 behind the port as in air: neither lens nor water does it. At 45 degrees the image of equally spaced latitudes is not \

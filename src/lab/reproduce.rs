@@ -33,17 +33,17 @@ use hydroline_sim::SceneError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Motion {
-    /// x.
+    /// Motion along x.
     Surge,
-    /// y.
+    /// Motion along y.
     Sway,
-    /// z.
+    /// Motion along z.
     Heave,
-    /// φ.
+    /// Turn by φ.
     Roll,
-    /// θ.
+    /// Turn by θ.
     Pitch,
-    /// ψ.
+    /// Turn by ψ.
     Yaw,
 }
 
@@ -80,31 +80,23 @@ impl Motion {
 
 /// Why a table cannot be computed.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ReproduceError {
-    /// The built-in rig.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// Rendering.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The true motion.
     #[error(transparent)]
     Trajectory(#[from] hydroline_sim::TrajectoryError),
     /// Identification from what was measured.
     #[error(transparent)]
     Identify(#[from] hydroline_identify::IdentifyError),
-    /// A rig whose target has no hexagons.
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,
-    /// Binding a run.
     #[error(transparent)]
     Smooth(#[from] hydroline_pose::smooth::SmoothError),
-    /// The reference frame gave nothing.
     #[error(
         "{motion:?}: the first frame gives no reference, so nothing can be measured against it"
     )]
-    NoReference {
-        /// Motion.
-        motion: Motion,
-    },
+    NoReference { motion: Motion },
 }

@@ -8,9 +8,8 @@ pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8080";
 
 /// Why there is no live page.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LiveError {
-    /// Others could see the page, and nothing keeps them out.
     #[error(
         "--live {address}: every computer that reaches this address could see the page and stop the thrusters; give it a \
          token (--live-token WORD, or HYDROLINE_LIVE_TOKEN, {TOKEN_MIN} to {TOKEN_MAX} letters, digits, - or _), or \

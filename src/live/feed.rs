@@ -32,7 +32,7 @@ impl<T> Clone for Numbered<T> {
 /// Brings the thrusters to neutral. Called on the server's thread; must not wait.
 pub type StopLine = Box<dyn Fn() + Send + Sync>;
 
-/// What runs and viewers share.
+/// State, pictures and STOP, which runs and viewers share.
 pub struct Feed {
     states: watch::Sender<Numbered<State>>,
     pictures: watch::Sender<Numbered<Picture>>,

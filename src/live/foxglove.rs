@@ -26,7 +26,7 @@ const SUBSCRIPTIONS_MAX: usize = 64;
 /// Message data, first byte of a binary message.
 const MESSAGE_DATA: u8 = 1;
 
-/// What can be looked at: topics of the log under their names, and the state of the live page.
+/// Channels that a viewer may see: topics of the log under their names, and the state of the live page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channel {
     /// As in the log.
@@ -94,7 +94,7 @@ pub fn protocol(offered: &str) -> Option<&'static str> {
     PROTOCOLS.into_iter().find(of)
 }
 
-/// What a viewer is sent first. `session` changes from run of the program to run.
+/// First messages to a viewer: the server and its channels. `session` changes from run of the program to run.
 pub fn greeting(title: &str, session: &str) -> [String; 2] {
     let channels: Vec<_> = Channel::ALL
         .iter()
@@ -108,7 +108,7 @@ pub fn greeting(title: &str, session: &str) -> [String; 2] {
     .map(|m| m.to_string())
 }
 
-/// What a viewer sends, of that which means something here.
+/// Messages of a viewer; all but subscriptions are `Other`.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase")]
 enum Heard {

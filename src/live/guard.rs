@@ -47,17 +47,17 @@ pub struct Asked<'a> {
     pub method: &'a str,
     /// Path without the query.
     pub path: &'a str,
-    /// What follows the question mark.
+    /// Query: the part after the question mark.
     pub query: &'a str,
-    /// Host.
+    /// Header `Host`.
     pub host: Header<'a>,
-    /// Origin.
+    /// Header `Origin`.
     pub origin: Header<'a>,
     /// Sec-Fetch-Site.
     pub fetch_site: Header<'a>,
     /// Sec-Fetch-Mode.
     pub fetch_mode: Header<'a>,
-    /// Authorization.
+    /// Header `Authorization`.
     pub authorization: Header<'a>,
     /// The session's key ([`SESSION_HEADER`]).
     pub session: Header<'a>,
@@ -72,7 +72,7 @@ const VIEWERS: [&str; 2] = ["https://app.foxglove.dev", "file://"];
 /// The header in which the page sends its session's key with STOP.
 pub const SESSION_HEADER: &str = "x-hydroline-session";
 
-/// What is asked for.
+/// Target of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
     /// The page.
@@ -99,9 +99,8 @@ pub enum Route {
 
 /// Why a request is not answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Refusal {
-    /// Asked under a name that is not this computer's.
     #[error("this page is asked for by this computer's address, not by that name")]
     Host,
     /// No token, or another.
@@ -113,7 +112,6 @@ pub enum Refusal {
     Session,
     #[error("only GET, and POST /stop")]
     Method,
-    /// A body: nothing that is asked here has one.
     #[error("no request here has a body")]
     Body,
     #[error(
@@ -167,7 +165,7 @@ impl Guard {
         &self.session
     }
 
-    /// What the request asks for, if it may.
+    /// Target of a request that may have it.
     ///
     /// # Errors
     /// [`Refusal`]; without the right token nothing else about the request is reported.

@@ -6,7 +6,6 @@ use std::fmt::Write;
 /// The content type of what [`text`] gives.
 pub const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// One family of samples.
 struct Family<'a>(&'a mut String);
 
 impl Family<'_> {

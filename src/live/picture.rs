@@ -11,9 +11,9 @@ pub const POINTS_MAX: usize = 400;
 pub struct Picture {
     /// The frame; its pixels are shared, not copied.
     pub frame: Frame,
-    /// How its grey levels come out.
+    /// Rule by which its grey levels come out.
     pub rule: GreyRule,
-    /// What is drawn on it and beside it.
+    /// Lines drawn on it and beside it.
     pub overlay: Overlay,
 }
 

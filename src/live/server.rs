@@ -1,6 +1,6 @@
 //! The server: one thread with one small runtime, apart from everything that records.
 //!
-//! What a viewer can cost is bounded: connections in all and per computer, the time to send a head, the time to take
+//! A viewer's cost is bounded: connections in all and per computer, the time to send a head, the time to take
 //! an answer, one encoded picture at a time. Beyond that it is refused or cut off.
 
 mod encoder;
@@ -101,12 +101,12 @@ impl Server {
         self.address
     }
 
-    /// What to type into a browser, token and all.
+    /// Address for a browser, token and all.
     pub fn url(&self) -> String {
         self.url_of("http", "/")
     }
 
-    /// What to type into Foxglove's *Open connection*.
+    /// Address for Foxglove's *Open connection*, token and all.
     pub fn foxglove_url(&self) -> String {
         self.url_of("ws", super::foxglove::PATH)
     }

@@ -1,6 +1,6 @@
-//! What a run says of itself, ten times a second: plain numbers and words, ready for the page and for Prometheus.
+//! State of a run, ten times a second: plain numbers and words, ready for the page and for Prometheus.
 //!
-//! What a kind of run does not have (`aim` no thrusters, `replay` no disk) is absent, and the page leaves it out.
+//! Fields that a kind of run does not have (`aim` no thrusters, `replay` no disk) are absent, and the page leaves them out.
 
 use hydroline_core::event::Severity;
 use serde::Serialize;
@@ -13,7 +13,7 @@ pub struct State {
     pub mode: &'static str,
     /// The rig, and the log.
     pub title: String,
-    /// What is going on, in words.
+    /// Present phase of the run, in words.
     pub phase: String,
     /// The run is over; nothing will change any more.
     pub ended: bool,
@@ -31,11 +31,11 @@ pub struct State {
     pub thrusters: Vec<Thruster>,
     /// The STOP button.
     pub stop: Stop,
-    /// What the run so far cannot show, each with its reason.
+    /// Quantities that the run so far cannot show, each with its reason; empty = none.
     pub not_shown: Vec<String>,
     /// Focus, exposure and laser.
     pub aim: Vec<Check>,
-    /// What happened, newest last.
+    /// Events, newest last.
     pub events: VecDeque<Event>,
 }
 
@@ -57,7 +57,7 @@ pub struct Run {
 /// The camera's account.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Frames {
-    /// Received.
+    /// Frames received.
     pub received: u64,
     /// Lost by the camera.
     pub lost: u64,
@@ -83,7 +83,7 @@ pub struct Disk {
 /// The controller's clock against ours.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Clock {
-    /// How well the offset is known, standard deviation \[us\].
+    /// Standard deviation of the offset \[us\].
     pub offset_sd_us: f64,
     /// Controller fast against host \[ppm\].
     pub drift_ppm: f64,
@@ -96,11 +96,11 @@ pub struct Clock {
 pub struct Pose {
     /// When it was true, UNIX \[s\].
     pub at_s: f64,
-    /// How old it was when this was written \[s\].
+    /// Age when this was written \[s\].
     pub age_s: f64,
     /// x, y, z, roll, pitch, yaw.
     pub channels: Vec<Channel>,
-    /// What the pose is: measured, simulated, from the log.
+    /// Source of the pose: measured, simulated, from the log.
     pub kind: &'static str,
 }
 

@@ -35,7 +35,7 @@ impl AtomicFile {
         })
     }
 
-    /// Where to write.
+    /// Path to write to until the file is whole.
     pub fn path(&self) -> &Path {
         &self.part
     }

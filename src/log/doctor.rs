@@ -15,7 +15,7 @@ use super::reader::{decode, grey_rule};
 use super::scan::{self, Step};
 use checks::Checks;
 
-/// How bad a finding is.
+/// Grade of a finding, the mildest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Grade {
@@ -30,23 +30,23 @@ pub enum Grade {
 /// One thing found.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Finding {
-    /// How bad.
+    /// Grade of the finding.
     pub grade: Grade,
     /// Stable machine word: `damage`, `end`, `summary`, `head`, `log_time`, `frame_gap`,
     /// `command_gap`, `echo`, `ledger`, `metadata`, `unchecked`, `clock`, `schema`, `decode`, `image`, `event`, `clipping`.
     pub check: &'static str,
     /// One sentence with the numbers.
     pub message: String,
-    /// What to do about it.
+    /// Action to take, in words.
     pub next_step: String,
-    /// Where in the file.
+    /// Offset in the file \[bytes\].
     pub offset: Option<u64>,
 }
 
 /// Everything found.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Diagnosis {
-    /// File.
+    /// Path of the log.
     pub path: PathBuf,
     /// Messages read.
     pub messages: u64,

@@ -1,4 +1,4 @@
-//! What goes into the log: one entry per thing that happened, ready to be queued or written.
+//! Entries of a log: one per thing that happened, ready to be queued or written.
 
 use bytes::Bytes;
 use prost::Message;
@@ -20,7 +20,7 @@ pub enum Entry {
     },
     /// Any other message, already encoded. The queue drops only what can be computed again.
     Message {
-        /// Where it goes.
+        /// Topic that it goes to.
         topic: Topic,
         /// When it was true, UNIX \[ns\]; `None` = its log time.
         publish_ns: Option<u64>,

@@ -13,7 +13,7 @@ use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
 use hydroline_core::frame::{Frame, GreyRule};
 
-/// What to write.
+/// Kinds of files that an export writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ExportOptions {
     /// CSV per topic.
@@ -22,7 +22,7 @@ pub struct ExportOptions {
     pub frames: bool,
 }
 
-/// What was written.
+/// Outcome of an export: numbers of rows and images.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, schemars::JsonSchema)]
 pub struct Exported {
     /// Rows by file.
@@ -35,7 +35,7 @@ pub struct Exported {
     pub frames_undecodable: u64,
 }
 
-/// Where the files are made before they all get their places: what is interrupted stays in there.
+/// Folder in which the files are made before they all get their places: an interrupted export leaves them there.
 const UNFINISHED: &str = "unfinished.part";
 
 /// Writes the tables and frames of `log` into the directory `into`, which has to be empty or is made.

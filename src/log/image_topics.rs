@@ -13,7 +13,7 @@ use super::records::ChannelRecord;
 use super::scan::{self, Step};
 use super::topic::Topic;
 
-/// What an image topic carries.
+/// Schema and encoding of an image topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ImageKind {
     /// `foxglove.RawImage`, protobuf.
@@ -50,7 +50,6 @@ impl ImageKind {
             .map(|(kind, ..)| kind)
     }
 
-    /// The message.
     pub fn decode(self, data: Bytes) -> Result<ImageMessage, String> {
         match self {
             ImageKind::Raw => messages::RawImage::decode(data)
@@ -68,15 +67,15 @@ impl ImageKind {
 /// A topic with images.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImageTopic {
-    /// Name.
+    /// Name of the topic.
     pub topic: String,
-    /// Schema.
+    /// Name of the schema.
     pub schema: String,
     /// Message encoding.
     pub encoding: String,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
-    /// What the first of them says: its pixels' format, width and height \[px\]; or why it is not read.
+    /// Pixel format, width and height \[px\] of the first of them; or the reason why it is not read.
     pub first: Result<(&'static str, u32, u32), String>,
 }
 
@@ -94,9 +93,9 @@ impl fmt::Display for ImageTopic {
     }
 }
 
-/// Why no topic can be chosen.
+/// Error where no topic can be chosen.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageTopicError {
     #[error(transparent)]
     Log(#[from] LogError),
@@ -111,7 +110,6 @@ pub enum ImageTopicError {
         path: PathBuf,
         there: Vec<ImageTopic>,
     },
-    /// Images in a message that is not read.
     #[error(
         "{}: {topic}; hydroline reads foxglove.RawImage and foxglove.CompressedImage in protobuf, sensor_msgs/msg/Image and \
          sensor_msgs/msg/CompressedImage in CDR: convert the log",

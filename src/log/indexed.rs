@@ -28,7 +28,6 @@ pub(super) use contents::summary;
 /// A record that holds messages: a chunk, or a message by itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
-    /// Offset of the record in the file.
     offset: u64,
     /// Bytes of the record with its prefix; `None` = not known.
     bytes: Option<u64>,
@@ -272,7 +271,7 @@ impl IndexedLog {
     }
 }
 
-/// What ends a visit.
+/// Reason why a visit ends early.
 enum Stop {
     Damage(Damage),
     Message(Topic, String),
@@ -293,7 +292,6 @@ impl Place {
         }
     }
 
-    /// Messages by channel.
     fn messages(&self, file: &File) -> Result<&BTreeMap<u16, u64>, Damage> {
         if let Some(messages) = self.messages.get() {
             return Ok(messages);

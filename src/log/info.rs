@@ -1,4 +1,4 @@
-//! What is in a log.
+//! Contents of a log in numbers.
 
 use hydroline_core::plain::Lines;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use super::LogError;
 use super::part::MetadataMap;
 use super::scan::{self, Step};
 
-/// How the file ends.
+/// Ending of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
@@ -28,13 +28,13 @@ pub enum Ending {
 /// One topic.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct TopicInfo {
-    /// Topic.
+    /// Name of the topic.
     pub topic: String,
     /// Schema name, "" without one.
     pub schema: String,
     /// Message encoding.
     pub encoding: String,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
     /// First log time, UNIX \[ns\].
     pub first_ns: u64,
@@ -49,7 +49,7 @@ pub struct TopicInfo {
 /// A log in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Info {
-    /// File.
+    /// Path of the file.
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
@@ -57,7 +57,7 @@ pub struct Info {
     pub library: String,
     /// MCAP profile.
     pub profile: String,
-    /// How it ends.
+    /// Ending of the file.
     pub ending: Ending,
     /// Messages read.
     pub messages: u64,
@@ -79,7 +79,7 @@ pub struct Info {
     pub topics: Vec<TopicInfo>,
     /// All metadata.
     pub metadata: BTreeMap<String, MetadataMap>,
-    /// What is damaged, with its offset.
+    /// Places of damage: (offset \[bytes\], description).
     pub damage: Vec<(u64, String)>,
 }
 

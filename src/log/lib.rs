@@ -77,9 +77,9 @@ pub use time::LogTime;
 pub use topic::{SchemaText, Topic};
 pub use writer::LogWriter;
 
-/// What can go wrong with a log.
+/// Error in reading or writing a log.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LogError {
     #[error(
         "part {part} of the log exists already ({reason}): choose another --out or move the old file"
@@ -89,15 +89,12 @@ pub enum LogError {
         part: u32,
         reason: String,
     },
-    /// The file cannot be created.
     #[error(
         "part {part} of the log cannot be created: {source}; check that the directory exists and is writable"
     )]
     Create { part: u32, source: std::io::Error },
-    /// The head cannot be written.
     #[error("{}: the log's head cannot be written: {reason}", path.display())]
     Write { path: PathBuf, reason: String },
-    /// Refused before the start.
     #[error(
         "{}: the planned {planned_s:.0} s x {megabytes_per_s:.1} MB/s = {needed_megabytes:.0} MB, plus {min_free_megabytes:.0} MB \
          to stay free, do not fit into the {free_megabytes:.0} MB that are free; {fits_s:.0} s would fit: \
@@ -106,20 +103,13 @@ pub enum LogError {
     )]
     WontFit {
         path: PathBuf,
-        /// Planned length \[s\].
         planned_s: f64,
-        /// Uncompressed rate \[MB/s\].
         megabytes_per_s: f64,
-        /// Their product \[MB\].
         needed_megabytes: f64,
-        /// Guard \[MB\].
         min_free_megabytes: f64,
-        /// Free now \[MB\].
         free_megabytes: f64,
-        /// What would fit \[s\].
         fits_s: f64,
     },
-    /// The disk refused while writing; the file was closed.
     #[error("the log stopped: {reason}; what was written is readable")]
     Stopped { reason: String },
     #[error("the log's writer thread cannot be started: {source}")]
@@ -128,36 +118,29 @@ pub enum LogError {
     Finished,
     #[error("the log's writer thread panicked; `hydroline recover` mends the file")]
     WriterPanicked,
-    /// The file cannot be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
         path: PathBuf,
         source: std::io::Error,
     },
-    /// A file without a byte in it.
     #[error("{}: is empty (0 bytes): nothing was recorded, or the recording was killed before its head was on the disk", path.display())]
     Empty { path: PathBuf },
     #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
     NotMcap { path: PathBuf, found: Vec<u8> },
-    /// The file is damaged or cut.
     #[error("{}: at byte {offset}: {damage}; `hydroline recover` writes what is sound into a new file", path.display())]
     Damaged {
         path: PathBuf,
         offset: u64,
         damage: records::Damage,
     },
-    /// The new file is there already.
     #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away (NAME.part is what an interrupted attempt left: it can go)", path.display())]
     OutputExists { path: PathBuf },
     #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
     NotEmpty { path: PathBuf, found: String },
-    /// A file beside the log cannot be written.
     #[error("{}: cannot be written: {reason}", path.display())]
     Output { path: PathBuf, reason: String },
-    /// A recovered file that does not read back as it was written.
     #[error("{}: the recovered file does not read back ({reason}) and was removed; the original is untouched", path.display())]
     Verify { path: PathBuf, reason: String },
-    /// A message does not decode as its schema says.
     #[error("{}: at byte {offset}: a message of {topic} ({schema}) does not decode: {reason}", path.display())]
     Message {
         path: PathBuf,

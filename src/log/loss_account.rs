@@ -1,4 +1,4 @@
-//! What was received, lost, written: the numbers of the closing `summary`.
+//! Account of received, lost and written frames and messages: the numbers of the closing `summary`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -47,11 +47,6 @@ impl FrameLedger {
             self.lost.remove("time_gap");
         }
     }
-
-    /// Sum over all causes.
-    pub fn lost_total(&self) -> u64 {
-        self.lost.values().sum()
-    }
 }
 
 /// Live counters of a recording.
@@ -77,7 +72,7 @@ pub struct Counts {
     pub queue_bytes: u64,
     /// Most bytes that ever waited.
     pub queue_peak_bytes: u64,
-    /// Why writing stopped before the end, if it did.
+    /// Reason why writing stopped before the end, if it did.
     pub stopped: Option<String>,
 }
 
@@ -91,7 +86,7 @@ impl Counts {
 /// Account of the recording that the log cannot count itself, given when it ends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SummaryInput {
-    /// Why the recording ended, e.g. `plan done`, `ctrl-c`, `SIGTERM`, `limit x`.
+    /// Reason why the recording ended, e.g. `plan done`, `ctrl-c`, `SIGTERM`, `limit x`.
     pub stop_reason: String,
     /// Whether that was an orderly end.
     pub clean: bool,
@@ -116,9 +111,9 @@ impl SummaryInput {
 /// A file of the log that is not under its name any more: somebody renamed, removed or covered it meanwhile.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Misplaced {
-    /// What happened, in a sentence.
+    /// Sentence that says what happened to the name.
     pub what: String,
-    /// Where the data is now; `None` = it could not be saved.
+    /// Path of the data now; `None` = it could not be saved.
     pub now: Option<PathBuf>,
 }
 
@@ -131,14 +126,14 @@ impl std::fmt::Display for Misplaced {
     }
 }
 
-/// How a recording ended.
+/// Outcome of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogOutcome {
     /// Files written, in order.
     pub files: Vec<PathBuf>,
     /// Something that should be in the log is not (exit code 3).
     pub lost: bool,
-    /// Why writing stopped before the end, if it did.
+    /// Reason why writing stopped before the end, if it did.
     pub stopped: Option<String>,
     /// Files that are not where they were written (exit code 1).
     pub misplaced: Vec<Misplaced>,

@@ -10,6 +10,7 @@ use prost_types::Timestamp;
 
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity};
+use hydroline_core::run::COMPANIONS;
 use hydroline_rigs::channel::{Channel, PerChannel};
 
 mod cdr;
@@ -50,7 +51,7 @@ pub trait DecodeOver: Default {
     /// Takes what the bytes say, and nothing of what was here.
     ///
     /// # Errors
-    /// What is wrong with the bytes.
+    /// Description of the fault in the bytes.
     fn decode_over(&mut self, data: &[u8]) -> Result<(), String>;
 }
 
@@ -231,8 +232,8 @@ impl VehicleMotion {
         PerChannel::of_state(both(pose, turn), both(way, rates))
     }
 
-    /// What is measured beside the motion: rudder, elevator, shaft, wave.
-    pub fn companions(&self) -> [Option<f64>; 4] {
+    /// Values measured beside the motion: rudder \[rad\], elevator \[rad\], shaft \[rad/s\], wave \[m\].
+    pub fn companions(&self) -> [Option<f64>; COMPANIONS.len()] {
         [
             self.rudder_rad,
             self.elevator_rad,

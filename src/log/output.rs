@@ -23,7 +23,7 @@ pub trait LogOutput: Write + Send {
     /// Bytes left for us on the device, claimed ones included; `None` = not known.
     fn free_bytes(&self) -> Option<u64>;
 
-    /// What became of the name under which the file was created, if it is no longer the file's; `None` = it still is,
+    /// Reason why the file is no longer under the name with which it was created; `None` = it still is,
     /// or the sink has no name.
     fn name_lost(&self) -> Option<NameLost> {
         None
@@ -35,23 +35,14 @@ pub trait LogOutput: Write + Send {
     }
 }
 
-/// Why a file is not found under its name any more.
+/// Reason why a file is not found under its name any more.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum NameLost {
-    /// The file has another name now.
     #[error("the log's file {} was renamed while it was being written: it is {} now", from.display(), to.display())]
-    Renamed {
-        /// Its old name.
-        from: PathBuf,
-        /// Its name now.
-        to: PathBuf,
-    },
-    /// The file was removed, or another file or file system stands in its place.
+    Renamed { from: PathBuf, to: PathBuf },
     #[error("the log's file {} was removed, replaced or mounted over while it was being written", path.display())]
-    Gone {
-        /// Its old name.
-        path: PathBuf,
-    },
+    Gone { path: PathBuf },
 }
 
 /// Blocks are claimed this far ahead, so that one system call serves several chunks.

@@ -23,8 +23,9 @@ use super::topic::Topic;
 /// Named string maps: MCAP metadata.
 pub type MetadataMap = BTreeMap<String, String>;
 
-/// Why a part cannot go on.
+/// Reason why a part cannot go on.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub(super) enum Fault {
     /// No room for the next message; the file can still be finished.
     #[error("no room on the disk: {0}")]
@@ -32,7 +33,6 @@ pub(super) enum Fault {
     /// A write, sync or truncate failed.
     #[error("{0} failed: {1}")]
     Io(&'static str, io::Error),
-    /// The encoder refused.
     #[error("MCAP encoder: {0}")]
     Mcap(#[from] mcap::McapError),
 }
@@ -73,7 +73,7 @@ impl Seek for Staging {
     }
 }
 
-/// How to encode.
+/// Settings for the encoding of a part.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Encoding {
     /// zstd level of the chunks; 0 = none (for MJPG, which does not shrink any further).
@@ -88,7 +88,6 @@ const TAIL_FIXED_BYTES: u64 = 32 << 10;
 /// Room for the one event that says why a log stops.
 const LAST_WORDS_BYTES: u64 = 4096;
 
-/// A part being written.
 pub(super) struct PartFile {
     sink: Box<dyn LogOutput>,
     staging: Staging,
@@ -101,7 +100,7 @@ pub(super) struct PartFile {
     good_bytes: u64,
     policy: Policy,
     open: BTreeMap<Topic, u64>,
-    /// What lies in the open chunk.
+    /// Company of the entries in the open chunk.
     open_company: Company,
     closed: BTreeMap<Topic, u64>,
 }
@@ -186,7 +185,7 @@ impl PartFile {
         &self.policy
     }
 
-    /// What became of the file's name, if it is no longer the file's.
+    /// Reason why the file is no longer under its name, if so.
     pub fn name_lost(&self) -> Option<NameLost> {
         self.sink.name_lost()
     }

@@ -67,12 +67,12 @@ impl Default for Limits {
     }
 }
 
-/// What is due now.
+/// Actions that are due now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Due {
     /// Close the open chunk.
     pub close: bool,
-    /// fdatasync.
+    /// Call fdatasync.
     pub sync: bool,
 }
 
@@ -142,7 +142,7 @@ impl Policy {
             .min()
     }
 
-    /// What is due at `now_ns`. A sync takes the open chunk with it.
+    /// Actions due at `now_ns`. A sync takes the open chunk with it.
     pub fn due(&self, now_ns: u64) -> Due {
         let reached = |deadline: Option<u64>| deadline.is_some_and(|d| now_ns >= d);
         let sync = reached(self.sync_deadline());

@@ -18,14 +18,14 @@ use super::topic::Topic;
 pub struct Queued {
     /// UNIX \[ns\], never decreasing along the queue.
     pub log_ns: u64,
-    /// What to write.
+    /// Entry to be written.
     pub entry: Entry,
 }
 
-/// What became of a push.
+/// Outcome of a push.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Admission {
-    /// Queued.
+    /// The entry was queued.
     Queued,
     /// Queued; before it, `dropped` frames in a row had been dropped.
     QueuedAfterDrops {
@@ -145,7 +145,7 @@ impl QueueCore {
     }
 }
 
-/// What a blocking pop returned.
+/// Result of a blocking pop.
 #[derive(Debug, PartialEq)]
 pub enum Popped {
     /// The oldest entry.

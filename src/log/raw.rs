@@ -8,7 +8,7 @@ use super::LogError;
 use super::records::SchemaRecord;
 use super::scan::{self, FileScan, Step};
 
-/// What the messages of a channel look like.
+/// Schema of a channel's messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RawSchema<'a> {
     /// Such as `nav_msgs/msg/Odometry`; "" without one.
@@ -24,7 +24,7 @@ pub struct RawSchema<'a> {
 pub struct RawMessage {
     /// Its channel in this log; channels of one file joined to another begin anew.
     pub channel: (u32, u16),
-    /// Topic.
+    /// Name of the topic.
     pub topic: String,
     /// Of the message: `cdr`, `protobuf`, `json`, ...
     pub encoding: String,
@@ -56,7 +56,7 @@ impl RawReader {
         })
     }
 
-    /// What a message's channel says of it.
+    /// Schema of a message's channel; its fields are empty without one.
     pub fn schema(&self, message: &RawMessage) -> RawSchema<'_> {
         let none = RawSchema {
             name: "",

@@ -54,7 +54,7 @@ pub enum Record {
     Log(messages::Log),
     /// A topic, schema or encoding that is not one of ours.
     Other {
-        /// Topic.
+        /// Name of the topic.
         topic: String,
         /// Schema name, "" without one.
         schema: String,
@@ -76,7 +76,7 @@ pub struct LogMessage {
     pub sequence: u32,
     /// Offset in the file of the record (of its chunk, when it is in one).
     pub offset: u64,
-    /// What it says.
+    /// Decoded message.
     pub record: Record,
 }
 

@@ -19,7 +19,7 @@ use hydroline_core::event::{Event, Severity, kind};
 use hydroline_core::frame::Frame;
 use hydroline_core::heartbeat::Heartbeat;
 
-/// What producers share under the queue's lock.
+/// State that producers share under the queue's lock.
 #[derive(Debug, Default)]
 struct Producers {
     time: LogTime,
@@ -103,7 +103,7 @@ impl Recorder {
         self.push(Entry::command(message));
     }
 
-    /// What happened to the daemon.
+    /// Every event of the daemon.
     pub fn event(&self, event: &Event) {
         // It takes back losses which a frame before was marked with.
         if *event.kind == kind::CAMERA_GAP_RETRACTED {
@@ -183,7 +183,7 @@ impl Recorder {
         producer_counts(&self.shared.queue, writer)
     }
 
-    /// Why writing stopped (disk full or failed, the writer panicked), if it did: the recording should end.
+    /// Reason why writing stopped (disk full or failed, the writer panicked), if it did: the recording should end.
     pub fn stopped(&self) -> Option<String> {
         let counts = self.shared.writer_counts.held();
         counts.stopped.clone()
@@ -275,7 +275,7 @@ fn run(
     );
     tracing::error!("{why}");
     shared.held().stopped = Some(why);
-    // What panicked while writing may panic again while being dropped.
+    // A writer that panicked while writing may panic again while being dropped.
     catch_unwind(AssertUnwindSafe(|| drop(writer))).ok();
     None
 }
@@ -300,7 +300,7 @@ fn drain(
         let now_ns = clock.monotonic_ns();
         match popped {
             Popped::Entry(item) => {
-                // What is overdue goes first: the entry just taken belongs to the next chunk.
+                // Overdue work goes first: the entry just taken belongs to the next chunk.
                 writer.tick(now_ns, &counts);
                 writer.write(now_ns, item.log_ns, &item.entry, &counts);
             }

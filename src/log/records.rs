@@ -27,7 +27,7 @@ pub const EXPANSION_MAX: u64 = 4096;
 /// Opcode and length.
 pub(super) const PREFIX_BYTES: u64 = 9;
 
-/// What can be wrong with the bytes.
+/// Damage in the bytes of a log.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum Damage {
@@ -118,7 +118,7 @@ pub(super) struct Records<R> {
     done: bool,
 }
 
-/// What went wrong, where.
+/// Offset of a damaged place, and its damage.
 pub(super) type Located = (u64, Damage);
 
 impl<R: BufRead> Records<R> {
@@ -235,7 +235,7 @@ impl<R: BufRead> Records<R> {
         self.opcode
     }
 
-    /// What there is of the chunk in which the file ends.
+    /// Takes the readable part of the chunk in which the file ends.
     pub fn take_truncated(&mut self) -> Option<ChunkRecord> {
         self.truncated.take()
     }
@@ -262,7 +262,7 @@ impl<R: BufRead> Records<R> {
         }
     }
 
-    /// What stands behind the end: nothing, another log (reading goes on with it), or bytes that are none.
+    /// Looks behind the end: there is nothing, another log (reading goes on with it), or bytes that are none.
     pub fn behind_the_end(&mut self) -> Result<(), Located> {
         let mut magic = [0; 8];
         let at = self.offset;

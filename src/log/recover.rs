@@ -30,7 +30,7 @@ use super::seal::{SealFinding, SealState, sealed};
 use copy::{Copy, Digest};
 use ledger::Ledger;
 
-/// What was recovered and what was not.
+/// Outcome of a recovery: counts, damage, and the data that is missing in the new file.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Recovery {
     /// The original, untouched.
@@ -45,10 +45,10 @@ pub struct Recovery {
     pub messages: BTreeMap<String, u64>,
     /// Their sum.
     pub messages_total: u64,
-    /// How many of them come from the truncated last chunk.
+    /// Number of them that come from the truncated last chunk.
     #[serde(rename = "from_torn_chunk")]
     pub from_truncated_chunk: u64,
-    /// What was damaged, with its offset.
+    /// Places of damage in the original: (offset \[bytes\], description).
     pub damage: Vec<(u64, String)>,
     /// Messages that do not decode, by topic; copied as they are.
     pub undecodable: BTreeMap<String, u64>,

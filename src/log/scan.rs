@@ -35,7 +35,7 @@ pub(super) enum Step {
     Truncated { chunk: ChunkRecord },
 }
 
-/// What a scan has learnt so far.
+/// Declarations, metadata and counts that a scan has met so far.
 #[derive(Debug, Default)]
 pub(super) struct Learnt {
     pub profile: String,
@@ -81,15 +81,14 @@ pub(super) struct Scan<R> {
     done: bool,
     /// Bytes that the chunks so far unpacked to.
     unpacked_bytes: u64,
-    /// Whether it was looked for what stands behind the end.
+    /// Offset reached by looking behind the end; `None` = not looked yet.
     ended_at: Option<u64>,
-    /// Where the last chunk's content ends, whatever its record's length says: a wrong length swallows what follows.
+    /// End of the last chunk's content, whatever its record's length says: a wrong length swallows what follows.
     behind_chunk: u64,
 }
 
 pub(super) type FileScan = Scan<BufReader<File>>;
 
-/// Opens a file.
 pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
     let file = File::open(path).map_err(LogError::read(path))?;
     Scan::of_file(path, BufReader::with_capacity(1 << 18, file))

@@ -67,7 +67,7 @@ pub(super) fn in_channel(metadata: &MetadataMap) -> impl Iterator<Item = (&str, 
         .filter_map(|(key, value)| Some((key.strip_prefix(IN_CHANNEL)?, value.as_str())))
 }
 
-/// What the digests say of a map.
+/// State of a metadata map by its digests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SealState {
@@ -84,11 +84,11 @@ pub enum SealState {
 pub struct SealFinding {
     /// Name of the metadata.
     pub name: String,
-    /// What is the matter.
+    /// State by the digests.
     pub state: SealState,
 }
 
-/// How the session of a replayed log names metadata of the original that was damaged: this and the metadata's name.
+/// Key in the session of a replayed log for metadata of the original that was damaged: this and the metadata's name.
 pub const DAMAGED_KEY: &str = "replay.metadata.";
 
 impl SealFinding {

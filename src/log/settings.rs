@@ -1,4 +1,4 @@
-//! Where a recording goes, what stands at its head, how it is written, and whether it fits.
+//! Files and head of a recording, settings for writing it, and a check of the room for it.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ impl PartOpener for FileParts {
     }
 }
 
-/// What stands at the head of every part.
+/// Metadata at the head of every part.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Head {
     /// The whole effective rig.
@@ -97,7 +97,7 @@ impl Head {
     }
 }
 
-/// How to write.
+/// Settings for writing a log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WriteSettings {
     /// Chunk, sync, rotation and space limits.

@@ -1,7 +1,8 @@
-//! How much room a recording takes, in one place for everything that reports or checks it.
+//! Room that a recording takes, in one place for everything that reports or checks it.
 
 use hydroline_rigs::Camera;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Whether a log can be made in the folder `dir`; if not, why, with what to do.
 pub fn writable_folder(dir: &Path) -> Result<(), String> {
@@ -17,7 +18,13 @@ pub fn writable_folder(dir: &Path) -> Result<(), String> {
         Ok(_) => {}
     }
     // Tried, not queried: rights alone do not show a disk that is mounted read-only.
-    let trial = dir.join(format!(".hydroline-trial-{}", std::process::id()));
+    // A name of its own for each trial: several results of one command are begun side by side.
+    static TRIALS: AtomicU64 = AtomicU64::new(0);
+    let trial = dir.join(format!(
+        ".hydroline-trial-{}-{}",
+        std::process::id(),
+        TRIALS.fetch_add(1, Ordering::Relaxed)
+    ));
     let made = std::fs::OpenOptions::new()
         .write(true)
         .create_new(true)
@@ -57,6 +64,21 @@ pub fn bytes_per_s(camera: &Camera) -> f64 {
 mod tests {
     use super::*;
     use hydroline_rigs::{BayerDepth, BayerOrder, PixelFormat};
+
+    #[test]
+    fn a_folder_is_tried_by_several_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for _ in 0..200 {
+                        assert_eq!(writable_folder(dir.path()), Ok(()));
+                    }
+                });
+            }
+        });
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    }
 
     #[test]
     fn a_folder_that_takes_no_log_is_reported_with_the_cure() {

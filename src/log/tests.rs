@@ -3,13 +3,14 @@
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use proptest::prelude::*;
 
 use super::*;
 use fixtures::{MemoryDisk, T0_NS, command, grey_frame};
-use hydroline_core::clock::{Clock, ManualClock, SystemClock};
+use hydroline_core::clock::{Clock, ClockTriple, ManualClock, SystemClock};
 use hydroline_core::event::{Event, Severity, kind};
 
 pub(crate) mod fixtures;
@@ -306,15 +307,35 @@ fn a_recording_through_the_thread_keeps_order_and_accounts() {
     );
 }
 
+/// A clock whose CLOCK_REALTIME may be an hour back, as NTP or an operator would set it.
+struct Stepped(ManualClock, AtomicBool);
+
+impl Clock for Stepped {
+    fn triple(&self) -> ClockTriple {
+        let mut now = self.0.triple();
+        if self.1.load(Ordering::Relaxed) {
+            now.realtime_ns -= 3_600_000_000_000;
+        }
+        now
+    }
+
+    fn sleep(&self, duration: Duration) {
+        self.0.sleep(duration);
+    }
+}
+
 #[test]
 fn a_clock_step_is_an_event_and_log_time_does_not_go_back() {
     let disk = MemoryDisk::default();
-    let clock = Arc::new(ManualClock::new(1_000, T0_NS));
+    let clock = Arc::new(Stepped(
+        ManualClock::new(1_000, T0_NS),
+        AtomicBool::new(false),
+    ));
     let log = Recorder::start(disk.opener(), head(), live(), clock.clone()).unwrap();
     log.command(&command(0));
-    clock.step_realtime(-3_600_000_000_000);
+    clock.1.store(true, Ordering::Relaxed);
     log.command(&command(1));
-    clock.advance(Duration::from_millis(1));
+    clock.0.advance(Duration::from_millis(1));
     log.command(&command(2));
     log.finish(&SummaryInput::clean("done")).unwrap();
     let messages = read(disk.file(0));
@@ -437,7 +458,7 @@ fn a_loss_that_was_taken_back_leaves_a_log_sound() {
     };
     let (all, half, another) = (reported(1, 1.0), reported(2, 1.0), reported(1, 2.0));
     assert!(all.sound, "{all}");
-    // What is taken back of one frame says nothing of another.
+    // A loss that is taken back of one frame says nothing of another.
     assert!(!another.sound, "{another}");
     assert!(
         !half.sound && half.to_string().contains("camera.gap"),
@@ -690,7 +711,7 @@ fn an_export_goes_into_an_empty_folder_whole_or_not_at_all() {
     );
     // 3 PNG and the table, nothing else.
     assert_eq!(std::fs::read_dir(&into).unwrap().count(), 4);
-    // What is there is neither mixed with nor replaced.
+    // The files that are there are neither mixed with others nor replaced.
     let before = std::fs::metadata(into.join("frames.csv"))
         .unwrap()
         .modified()

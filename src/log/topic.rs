@@ -41,7 +41,7 @@ pub enum Topic {
     Truth,
 }
 
-/// What an MCAP schema record holds.
+/// Name and descriptors in an MCAP schema record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SchemaText {
     /// Full message name, e.g. `hydroline.FrameInfo`.

@@ -51,7 +51,7 @@ impl LogLayer {
 impl<S: Subscriber> Layer<S> for LogLayer {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let meta = event.metadata();
-        // What the log says about itself would be written by the log, and so on; it is in
+        // A line of the log about itself would be written by the log, and so on; it is in
         // `/daemon/event` and the summary anyway.
         if meta.target().starts_with("hydroline::log") || INSIDE.get() {
             return;

@@ -152,7 +152,7 @@ impl LogWriter {
         self.finished_bytes + self.part.as_ref().map_or(0, PartFile::bytes)
     }
 
-    /// Why writing stopped, if it did.
+    /// Reason why writing stopped, if it did.
     pub fn stopped(&self) -> Option<&str> {
         self.stopped.as_deref()
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// What an information matrix says of its unknowns.
+/// Covariance of unknowns, from their information matrix.
 #[derive(Debug, Clone)]
 pub struct Covariance {
     /// Pseudo-inverse: what directions without information would add is left out.

@@ -39,9 +39,9 @@ pub trait LeastSquares<D: Dim>
 where
     DefaultAllocator: Allocator<D> + Allocator<D, D>,
 {
-    /// Where the unknowns stand.
+    /// Values of the unknowns.
     type Point;
-    /// What an evaluation of the cost leaves for [`LeastSquares::linearise`], such as the residuals.
+    /// Result of evaluating the cost that [`LeastSquares::linearise`] uses, such as the residuals.
     type Evaluated: Default;
     /// Why a start or a linearisation may fail.
     type Error;
@@ -101,7 +101,7 @@ pub enum Ended {
     Step,
     /// The last steps gained nothing worth having ([`Options::decrease_relative`]).
     Decrease,
-    /// What is left to gain is below [`Options::decrement_enough`]; the last step was taken without being evaluated.
+    /// The gain left is below [`Options::decrement_enough`]; the last step was taken without being evaluated.
     Decrement,
     /// The sum of squares is zero.
     Exact,
@@ -237,7 +237,7 @@ where
     })
 }
 
-/// What steps from one point came to.
+/// Outcome of the steps tried from one point.
 enum Tried<Point, Step> {
     /// A point downhill, the step there, and what it gains.
     Lower(Point, Step, f64),

@@ -6,6 +6,7 @@
 //! - [`cholesky`]: factors scaled to unit diagonal, with jitter;
 //! - [`information`]: from an information matrix to a covariance, undetermined directions said;
 //! - [`noise`]: white noise plus an Ornstein-Uhlenbeck process, and the filter that whitens it;
+//! - [`parallel`]: maps on all cores, results in order;
 //! - [`statistics`]: medians, robust levels, tests of whiteness, quantiles.
 //!
 //! Why not a library (looked at in 2026, nalgebra 0.35 here):
@@ -33,5 +34,6 @@ pub mod cholesky;
 pub mod information;
 pub mod least_squares;
 pub mod noise;
+pub mod parallel;
 pub mod span;
 pub mod statistics;

@@ -29,7 +29,7 @@ pub fn basis(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_columns(&kept)
 }
 
-/// What is left of a column outside of a span.
+/// Part of a column outside of a span.
 pub fn outside(basis: &DMatrix<f64>, column: &DVector<f64>) -> DVector<f64> {
     let mut left = column.clone();
     for _ in 0..2 {

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 /// Grid of the check \[s\]: at 0.3 m/s the vehicle goes 6 mm from point to point.
 const STEP_S: f64 = 0.02;
-/// What the violation of a target that is left begins with.
+/// First words of the violation where the stripe leaves the target.
 const OFF: &str = "stripe off the lit target";
 /// Coasting after the plan's last step that is still watched \[s\].
 const COAST_S: f64 = 5.0;
@@ -20,11 +20,11 @@ const COAST_S: f64 = 5.0;
 /// Smallest and largest value of something over the plan.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Range {
-    /// What, with its unit in the name.
+    /// Name of the quantity, with its unit.
     pub name: String,
-    /// Smallest.
+    /// Smallest value.
     pub min: f64,
-    /// Largest.
+    /// Largest value.
     pub max: f64,
 }
 
@@ -33,7 +33,7 @@ pub struct Range {
 pub struct Violation {
     /// When it first happens \[s\].
     pub at_s: f64,
-    /// What, with value and allowed range.
+    /// Violation in words, with value and allowed range.
     pub what: String,
 }
 
@@ -43,12 +43,12 @@ impl std::fmt::Display for Violation {
     }
 }
 
-/// What a plan will do, by the rig's model.
+/// Forecast of a plan, by the rig's model.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Preflight {
     /// Length of the plan \[s\].
     pub duration_s: f64,
-    /// How often it runs, one run from where the one before has left the vehicle.
+    /// Number of runs, one from where the one before has left the vehicle.
     pub runs: u32,
     /// From the start of one run to the start of the next \[s\]; 0 = one run only.
     pub cycle_s: f64,
@@ -60,7 +60,7 @@ pub struct Preflight {
     pub on_target_s: Option<(f64, f64)>,
     /// Fewest of the target's two long edges that the lit line crosses in the image while the plan runs; `None` = no target.
     pub least_edges: Option<u8>,
-    /// What must not be.
+    /// Violations of limits, tank or target.
     pub violations: Vec<Violation>,
 }
 
@@ -79,11 +79,11 @@ const AT_REST_MPS: f64 = 0.002;
 /// Runs of one plan, one after the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Repeats {
-    /// How many, from 1.
+    /// Number of runs, from 1.
     pub runs: u32,
     /// From the start of one to the start of the next \[s\]: the plan, what is recorded behind it, and the pause.
     pub cycle_s: f64,
-    /// How much of the plan runs before the recording ends \[s\]; neutral from there.
+    /// Time of the plan that runs before the recording ends \[s\]; neutral from there.
     pub active_s: f64,
 }
 
@@ -98,8 +98,8 @@ impl Repeats {
 
 /// Why a plan could not even be simulated.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PreflightError {
-    /// The rig's model.
     #[error(transparent)]
     Sim(#[from] SimError),
     /// A load that cannot be commanded.

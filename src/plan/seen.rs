@@ -1,4 +1,4 @@
-//! What the camera sees of a target: where the lit line crosses its long edges, and whether the map to the laser plane holds there.
+//! Target as the camera sees it: where the lit line crosses its long edges, and whether the map to the laser plane holds there.
 
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::Rig;

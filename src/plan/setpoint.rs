@@ -21,15 +21,13 @@ pub struct Setpoint {
 
 /// Why a load cannot be commanded.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SetpointError {
-    /// The layout does not make it.
     #[error("plan step {step} at {t_s:.2} s: {source}")]
     Thrust {
         /// Step, from 1.
         step: u32,
-        /// Time in the plan \[s\].
         t_s: f64,
-        /// What the allocation says.
         source: ThrustError,
     },
     /// A thruster would have to give more than its curve holds.
@@ -39,15 +37,10 @@ pub enum SetpointError {
     Beyond {
         /// Step, from 1.
         step: u32,
-        /// Time in the plan \[s\].
         t_s: f64,
-        /// Name.
         thruster: String,
-        /// Asked \[N\].
         asked_n: f64,
-        /// Most astern \[N\].
         low_n: f64,
-        /// Most ahead \[N\].
         high_n: f64,
     },
 }

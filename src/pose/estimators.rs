@@ -22,25 +22,20 @@ use hydroline_rigs::Mounts;
 
 /// A frame that breaks an estimator's assumption, or lacks what it needs.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum EstimatorFault {
-    /// An edge point is not there.
     #[error("edge point {point} is not in the frame: {what} needs it")]
     NoEdge {
-        /// Which estimator.
         what: &'static str,
         /// A, B, C or D.
         point: char,
     },
-    /// The stripe is rotated although roll is taken as zero.
     #[error(
         "the stripe is rotated by {roll_deg:.2}°, but {what} takes roll as zero (within {allowed_deg}°)"
     )]
     Rolled {
-        /// Which estimator.
         what: &'static str,
-        /// Found \[°\].
         roll_deg: f64,
-        /// Allowed \[°\].
         allowed_deg: f64,
     },
     /// Widths that no place on the chain has.
@@ -59,12 +54,7 @@ pub enum EstimatorFault {
     #[error(
         "the floor line at η = {eta_m:.4} m is nearer than any pitch can bring it (distance from the floor {height_m:.3} m)"
     )]
-    NoPitch {
-        /// η \[m\].
-        eta_m: f64,
-        /// H \[m\].
-        height_m: f64,
-    },
+    NoPitch { eta_m: f64, height_m: f64 },
 }
 
 /// Roll beyond which the estimators that take it as zero report a fault \[rad\].

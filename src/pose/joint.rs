@@ -59,7 +59,7 @@ const CEILING: u8 = 254;
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
 
-/// What is known beforehand.
+/// Prior knowledge of a frame's pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hint {
     /// About where the CG is along X \[m\]: decides only between repetitions of the target.
@@ -86,11 +86,10 @@ pub struct PoseFitter {
     mounts: Mounts,
     heights_m: Vec<f64>,
     thickness_m: f64,
-    /// What a run has shown of it.
+    /// Sheet as a run has shown it.
     sheet: Sheet,
     /// The camera's response; `None`: each frame's own unknown.
     camera: Option<CameraResponse>,
-    /// Its prior.
     response_prior: ResponsePrior,
     /// Level from which a pixel counts as clipped.
     ceiling: u8,

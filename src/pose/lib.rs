@@ -42,4 +42,8 @@ pub mod segments;
 pub mod sheet;
 pub mod smooth;
 
+#[cfg(test)]
+#[path = "../../tests/support/lshpi_rig.rs"]
+mod fixture;
+
 pub use hydroline_calib::Pose;

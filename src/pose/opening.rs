@@ -5,7 +5,7 @@ use super::run::{PoseRun, RunPose};
 use hydroline_core::frame::GreyImage;
 use hydroline_stripe::Profile;
 
-/// How long an opening is.
+/// Length of an opening.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
     /// Frames with a pose over the target that are put together. One determines ln γ to 0.05–0.25, eight to 0.02–0.1; more of

@@ -261,7 +261,7 @@ fn corners(slab: &Slab) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroline_sim::fixture::hexagon_target;
+    use crate::fixture::hexagon_target;
 
     #[test]
     fn a_line_is_as_far_from_an_edge_as_its_nearest_point() {

@@ -42,6 +42,7 @@ use across::Across;
 use edge_strips::{Scratch, lit};
 use grid::Grid;
 use hydroline_calib::Pose;
+use interior_strips::InteriorStrip;
 use lighting::Cell;
 pub(crate) use lighting::{PRIOR_SD, line_range};
 pub use lighting::{UNEVEN, Uneven};
@@ -92,7 +93,7 @@ pub(super) struct State {
     pub black: f64,
     /// The line's transverse profile: cₙ of [`across`].
     pub across: [f64; ACROSS],
-    /// How brightness and background change over the image: coefficients of [`lighting`].
+    /// Change of brightness and background over the image: coefficients of [`lighting`].
     pub uneven: Uneven,
 }
 
@@ -187,7 +188,6 @@ impl Photometric {
         self.surfaces.faces.get(level).map_or(1.0, |t| t.albedo)
     }
 
-    /// Compares a frame with a state.
     pub fn compare(
         &self,
         plan: &Plan,
@@ -232,7 +232,14 @@ impl Photometric {
             };
             counter.strips(strips, cut);
             if let ([strip], false) = (strips, cut) {
-                self.compare_interior(&geometry, strip, pixels, state, derivatives, &mut counter);
+                let all = InteriorStrip {
+                    geometry: &geometry,
+                    strip,
+                    pixels,
+                    state,
+                    derivatives,
+                };
+                self.compare_interior(all, &mut counter);
                 continue;
             }
             if let Some(name) = strips.iter().find_map(|s| plan.edge(s)) {
@@ -493,16 +500,15 @@ impl Photometric {
     }
 }
 
-/// Laser light of one pixel.
 #[derive(Debug, Clone, Copy, Default)]
 struct Light {
     /// \[grey levels\].
     level: f64,
     /// Derivatives but that by the background.
     j: [f64; LOCAL],
-    /// What more of it there would be if all blur were formed on the pixel grid.
+    /// Derivative of the light by the share of blur that is formed on the pixel grid.
     by_grid: f64,
-    /// How much of it depends on edges and corners.
+    /// Dependence of the light on edges and corners.
     sensitivity: Sensitivity,
 }
 

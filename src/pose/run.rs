@@ -32,14 +32,14 @@ struct Last {
     u_mps: f64,
 }
 
-/// What a frame of a run gave.
+/// Outcome of a frame of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RunPose {
     /// A pose fit to be used.
     Good(Box<JointPose>),
     /// A pose that should not be used without looking at its caveats.
     Flagged(Box<JointPose>),
-    /// None.
+    /// No pose, for this reason.
     None(PoseFault),
 }
 
@@ -99,7 +99,7 @@ impl PoseRun {
         self.judged(stamp_ns, fit)
     }
 
-    /// What is known of the frame that was true then before it is looked at.
+    /// Hint for the frame that was true at `stamp_ns`, from the poses before it or the start.
     pub fn hint(&self, stamp_ns: u64) -> Hint {
         Hint {
             x_m: Some(self.expected(stamp_ns).0),

@@ -73,21 +73,18 @@ pub struct Step {
     pub sd_m: f64,
 }
 
-/// What was discarded or could not be determined.
+/// Reservation about a sorted stripe: a part discarded, or a quantity not determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Caveat {
-    /// Parts of the stripe on no known height.
     #[error(
         "part of the stripe lies on none of the target's heights: particles, or another target than the rig's"
     )]
     Stray,
-    /// Fewer steps than a whole crossing of the target has.
     #[error("an edge of the target is outside the light or the image")]
     EdgeMissing,
-    /// One height only.
     #[error("the stripe shows one level only, taken for the floor")]
     OneLevel,
-    /// Step columns are whole pixels.
     #[error("steps are known to whole pixels only")]
     WholePixel,
 }
@@ -111,27 +108,22 @@ pub struct Levels {
     pub segments: Vec<Segment>,
     /// By column.
     pub steps: Vec<Step>,
-    /// What was discarded or could not be determined.
+    /// Reservations: parts discarded, quantities not determined.
     pub caveats: Vec<Caveat>,
 }
 
-/// Why a stripe cannot be sorted.
+/// Failure to sort a stripe.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SegmentError {
     #[error(
         "{points} stripe points with plane coordinates, at least {needed} are needed: is the stripe inside the calibrated region?"
     )]
     TooFew { points: usize, needed: usize },
-    /// Points, but no line.
     #[error(
         "{points} stripe points, but no {columns} columns of sound ones in a row: is a lamp, a window, a bar or a reflection taken for the line, or the line clipped? Darken it, or lower the exposure"
     )]
-    NoLine {
-        points: usize,
-        /// Columns in a row that are needed.
-        columns: usize,
-    },
+    NoLine { points: usize, columns: usize },
 }
 
 /// Stripe points of a profile in the laser plane, by column; those off the map are discarded.
@@ -359,7 +351,7 @@ fn fit_lines(
         eta0_m += (w2 * e0 - w1 * e1) / det;
         slope += (w0 * e1 - w1 * e0) / det;
         rms_m = (square / n as f64).sqrt();
-        // What the points scatter beyond their own sds is in the lines as well.
+        // Scatter of the points beyond their own sds is in the lines as well.
         let excess = (chi / n as f64).max(1.0);
         out = Some(Levels {
             eta0_m,

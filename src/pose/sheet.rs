@@ -1,4 +1,4 @@
-//! What each pixel sees of the laser sheet, as a table: the map is evaluated once per pixel, not once per frame.
+//! Points of the laser sheet that the pixels see, as a table: the map is evaluated once per pixel, not once per frame.
 
 use hydroline_calib::plane::PlaneMap;
 use hydroline_rigs::{Camera, Mounts};

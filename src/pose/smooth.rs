@@ -54,7 +54,7 @@ pub struct Smoothed {
     pub nu: [f64; 6],
     /// Covariance of η \[m², rad²\].
     pub covariance: Matrix6<f64>,
-    /// Which of η this run determines at all.
+    /// Whether this run determines each of η at all.
     pub measured: [bool; 6],
     /// The frame had a pose of its own.
     pub own: bool,
@@ -77,9 +77,9 @@ pub struct Run {
     pub chi2: f64,
 }
 
-/// Why a run cannot be smoothed.
+/// Failure to smooth a run.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum SmoothError {
     #[error(
         "{frames} frames with a pose, at least {needed} are needed to bind a run: replay without --smooth"
@@ -93,11 +93,8 @@ pub enum SmoothError {
         "{gap_s:.1} s without a pose before frame {frame}, more than the dynamics bridge ({allowed_s} s): cut the log there, or replay without --smooth"
     )]
     Gap {
-        /// Index of the frame after it.
         frame: usize,
-        /// Length \[s\].
         gap_s: f64,
-        /// Allowed \[s\].
         allowed_s: f64,
     },
     #[error(

@@ -30,7 +30,7 @@ impl Colour {
     /// Reference lines.
     pub const BLACK: Colour = Colour([0x00, 0x00, 0x00]);
 
-    /// What a figure is drawn on.
+    /// Background of a figure.
     pub(crate) const PAPER: Colour = Colour([0xff; 3]);
     /// Lines of the grid.
     pub(crate) const GRID: Colour = Colour([0xe4; 3]);

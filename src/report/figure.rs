@@ -55,7 +55,7 @@ pub struct Cell {
     pub to: [f64; 2],
     /// Value, in the unit that the heat map names.
     pub value: f64,
-    /// What the pointer shows over it.
+    /// Text that the pointer shows over it; empty for none.
     pub hint: String,
 }
 

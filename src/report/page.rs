@@ -3,7 +3,7 @@
 //! A page follows its reader: on a phone figures are the narrow ones and tables scroll in their own box, on a dark
 //! screen colours turn, on paper all is black on white.
 //!
-//! What is written is also well-formed XML, so that any reader of either can take it in.
+//! The file is also well-formed XML, so that any reader of either can take it in.
 
 mod inline;
 mod table;
@@ -26,11 +26,11 @@ const CONTENTS_FROM: usize = 4;
 pub struct Page {
     title: String,
     heading: Inline,
-    /// What it says, in order.
+    /// Blocks of the page, in order.
     pub body: Body,
 }
 
-/// What a page says, or a part of it that another module wrote.
+/// Blocks of a page, or of a part of it that another module wrote.
 #[derive(Debug, Clone, Default)]
 pub struct Body {
     blocks: Vec<Block>,

@@ -1,4 +1,4 @@
-//! How quantities are shown. Inside, every number is SI, and its key ends in its unit (`x_m`, `psi_rad`);
+//! Quantities as reports show them. Inside, every number is SI, and its key ends in its unit (`x_m`, `psi_rad`);
 //! motions in a tank read best in millimetres and degrees.
 
 /// A quantity as a report shows it.
@@ -25,7 +25,7 @@ const UNITS: [(&str, &str, f64); 7] = [
 ];
 
 impl<'a> Quantity<'a> {
-    /// What a key names.
+    /// Quantity that a key names.
     pub fn of(key: &'a str) -> Self {
         UNITS
             .iter()

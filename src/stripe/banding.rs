@@ -11,7 +11,7 @@
 
 use super::extractor::Track;
 use super::haze::Haze;
-use super::synthetic::haze_over_pixel;
+use super::haze::haze_over_pixel;
 use hydroline_core::frame::{GreyImage, GreyView};
 
 /// Columns of a block.
@@ -48,7 +48,7 @@ const MEDIAN_SD: f64 = 1.2533;
 pub(super) struct Banding {
     first_row: usize,
     levels: Vec<f64>,
-    /// What is left in a row's level near the stripe beyond noise \[grey levels\].
+    /// Standard deviation of a row's level near the stripe that is left beyond noise \[grey levels\].
     pub left_sd: f64,
 }
 
@@ -285,7 +285,7 @@ struct Waves {
     levels: Vec<f64>,
     /// Orthonormal columns: what is no wave, then the waves taken.
     basis: Vec<Vec<f64>>,
-    /// What the basis leaves of the levels.
+    /// Levels without their part in the basis.
     rest: Vec<f64>,
     others: usize,
     /// Frequencies taken \[1/px\].
@@ -319,7 +319,7 @@ impl Waves {
         this
     }
 
-    /// What the basis leaves of a column, in place.
+    /// Takes its part in the basis out of a column, in place.
     fn reduce(&self, column: &mut [f64]) {
         for b in &self.basis {
             let along = dot(b, column);

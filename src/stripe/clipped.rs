@@ -80,7 +80,7 @@ struct System {
     right: [f64; 4],
     square: f64,
     used: f64,
-    /// What the prior adds to (A, A), (A, A ds), (A ds, A ds).
+    /// Terms that the prior adds to (A, A), (A, A ds), (A ds, A ds).
     prior: [f64; 3],
     offset: f64,
 }

@@ -12,8 +12,6 @@ use wide::u8x16;
 pub(super) const BLOCK_ROWS: usize = 4;
 /// Most candidates kept in a column: the strongest.
 pub(super) const MAX_PER_COLUMN: usize = 12;
-/// Columns handled together when searching a band.
-pub(super) const TILE_COLUMNS: usize = 32;
 /// Columns compared at once; lines of the search are padded to a multiple of it.
 const CHUNK: usize = 16;
 
@@ -111,7 +109,6 @@ fn average(a: u8, b: u8) -> u8 {
     ((u16::from(a) + u16::from(b) + 1) >> 1) as u8
 }
 
-/// Scratch of the search.
 #[derive(Debug, Clone, Default)]
 pub(super) struct CoarseScratch {
     blocks: Vec<u8>,
@@ -135,11 +132,8 @@ pub(super) fn search(
     scratch: &mut CoarseScratch,
     spots: &mut Spots,
 ) {
-    // The same twice: lines of a length known to the compiler need no loops.
-    match tile.to.saturating_sub(tile.from) {
-        TILE_COLUMNS => search_lines(image, tile, TILE_COLUMNS, threshold, scratch, spots),
-        width => search_lines(image, tile, width, threshold, scratch, spots),
-    }
+    let width = tile.to.saturating_sub(tile.from);
+    search_lines(image, tile, width, threshold, scratch, spots);
 }
 
 #[inline(always)]
@@ -262,6 +256,9 @@ fn centre_of_blocks(second: usize, b: [u8; 4]) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    /// Columns of a tile.
+    const TILE_COLUMNS: usize = 32;
+
     use super::*;
     use crate::synthetic::{StripeImage, render};
     use hydroline_core::frame::GreyImage;

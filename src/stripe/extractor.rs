@@ -1,6 +1,5 @@
 //! The whole way from a grey frame to its profile.
 
-use super::band::{Band, MIN_SHARE_FOUND};
 use super::banding::{self, Banding};
 use super::coarse::{self, BLOCK_ROWS, CoarseScratch, Spots, Tile};
 use super::fit::Fit;
@@ -26,7 +25,7 @@ pub struct Extractor {
     pub(super) path: PathScratch,
     /// Level from which this frame's pixels are clipped \[grey levels\].
     pub(super) ceiling: u8,
-    /// What is not known of the rows' common levels \[grey levels\].
+    /// Standard deviation of the rows' common levels \[grey levels\].
     pub(super) row_level_sd: f64,
     pub(super) tracks: Vec<Track>,
     pub(super) stretches: Vec<Range<usize>>,
@@ -77,51 +76,19 @@ impl Extractor {
         &self.config
     }
 
-    /// Extracts the stripe of a frame about which nothing is known.
+    /// Extracts the stripe of a frame.
     pub fn extract<'a>(&mut self, image: impl Into<GreyView<'a>>) -> Profile {
-        self.extract_whole(image.into())
-    }
-
-    fn extract_whole(&mut self, image: GreyView<'_>) -> Profile {
-        if let Some(fault) = self.check(image) {
-            return faulty(image, fault);
-        }
-        match self.config.orientation {
-            Orientation::Horizontal => self.extract_tiles(image, None),
-            Orientation::Vertical => {
-                let lying = transpose::image(image);
-                transpose::profile(self.extract_tiles((&lying).into(), None))
-            }
-        }
-    }
-
-    /// Extracts the stripe where it lay in an earlier frame: the points of [`Self::extract`],
-    /// sooner. Where that cannot be guaranteed — the band is of another image size, fewer than
-    /// 90 % of its points are found again, or a point lies within 24 px of its border — the
-    /// whole frame is searched. `candidates` lists those inside the band only; a second stripe
-    /// that lies outside the band as a whole and would win over the one inside is not seen. Bands are
-    /// for horizontal stripes: a vertical one is sought in the whole frame.
-    pub fn extract_in_band<'a>(&mut self, image: impl Into<GreyView<'a>>, band: &Band) -> Profile {
         let image = image.into();
         if let Some(fault) = self.check(image) {
             return faulty(image, fault);
         }
-        if self.config.orientation == Orientation::Vertical {
-            return self.extract_whole(image);
-        }
-        if band.size_px() == (image.width_px, image.height_px) {
-            let profile = self.extract_tiles(image, Some(band));
-            let enough = profile.points.len() as f64 >= MIN_SHARE_FOUND * band.points() as f64;
-            if enough
-                && profile
-                    .points
-                    .iter()
-                    .all(|p| band.holds(p.column_px as usize, p.row_px))
-            {
-                return profile;
+        match self.config.orientation {
+            Orientation::Horizontal => self.extract_lying(image),
+            Orientation::Vertical => {
+                let lying = transpose::image(image);
+                transpose::profile(self.extract_lying((&lying).into()))
             }
         }
-        self.extract_tiles(image, None)
     }
 
     fn check(&self, image: GreyView<'_>) -> Option<ProfileFault> {
@@ -148,9 +115,9 @@ impl Extractor {
         })
     }
 
-    fn extract_tiles(&mut self, image: GreyView<'_>, band: Option<&Band>) -> Profile {
+    fn extract_lying(&mut self, image: GreyView<'_>) -> Profile {
         let noise_sd = noise::noise_sd(image);
-        let spotted = self.find_spots(image, band, noise_sd);
+        let spotted = self.find_spots(image, noise_sd);
         if spotted == 0 {
             let sum: u64 = image.pixels.iter().map(|p| u64::from(*p)).sum();
             let mean_level = sum as f64 / image.pixels.len().max(1) as f64;
@@ -170,7 +137,7 @@ impl Extractor {
         let mut levelled = None;
         if restless && let Some(banding) = self.find_banding(image, haze, noise_sd) {
             let image = banding.taken_off(image, self.ceiling);
-            self.find_spots((&image).into(), band, noise_sd);
+            self.find_spots((&image).into(), noise_sd);
             (haze, _) = self.follow((&image).into(), noise_sd);
             self.row_level_sd = banding.left_sd;
             levelled = Some(image);
@@ -228,26 +195,16 @@ impl Extractor {
     }
 
     /// Candidates of all columns; returns the number of columns that have one.
-    fn find_spots(&mut self, image: GreyView<'_>, band: Option<&Band>, noise_sd: f64) -> usize {
+    fn find_spots(&mut self, image: GreyView<'_>, noise_sd: f64) -> usize {
         let threshold = coarse::threshold(noise_sd);
         self.spots.clear(image.width_px);
-        match band {
-            None => {
-                let last = image.height_px / BLOCK_ROWS - 1;
-                let tile = Tile {
-                    from: 0,
-                    to: image.width_px,
-                    first: 0,
-                    last,
-                };
-                coarse::search(image, tile, threshold, &mut self.coarse, &mut self.spots);
-            }
-            Some(band) => {
-                for tile in band.tiles() {
-                    coarse::search(image, tile, threshold, &mut self.coarse, &mut self.spots);
-                }
-            }
-        }
+        let tile = Tile {
+            from: 0,
+            to: image.width_px,
+            first: 0,
+            last: image.height_px / BLOCK_ROWS - 1,
+        };
+        coarse::search(image, tile, threshold, &mut self.coarse, &mut self.spots);
         (0..image.width_px)
             .filter(|c| !self.spots.column(*c).is_empty())
             .count()

@@ -1,8 +1,8 @@
 //! Fit of one column: row, height, width and background of the stripe near a given row.
 
 use super::clipped;
+use super::haze::haze_over_pixel;
 use super::kernel::{Kernel, LANES, Lanes, split, widened};
-use super::synthetic::haze_over_pixel;
 use hydroline_core::frame::GreyView;
 use wide::{f32x4, i16x8, i32x8};
 
@@ -45,7 +45,7 @@ pub(super) struct HazeShape {
     pub solved: Vec<f32x4>,
 }
 
-/// What is known of the width beforehand, for columns whose clipped pixels leave it open.
+/// Prior of the width, for columns whose clipped pixels leave it open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WidthPrior {
     /// Expected width \[px\].
@@ -54,7 +54,7 @@ pub(super) struct WidthPrior {
     pub weight: f64,
 }
 
-/// What a fit starts from, beside the pixels.
+/// Inputs of a fit beside the pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Known<'a> {
     /// Level from which pixels are clipped \[grey levels\].
@@ -95,7 +95,6 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Empty.
     pub fn new() -> Self {
         Self {
             start: 0,
@@ -196,7 +195,6 @@ impl Window {
         self.start
     }
 
-    /// Whether a pixel is clipped.
     #[inline]
     pub fn clipped(&self, saturation: u8) -> bool {
         let (chunks, rest) = self.values().as_chunks::<LANES>();
@@ -230,7 +228,6 @@ pub(super) fn rows_needed(kernel: &Kernel) -> usize {
     kernel.taps() + 2 * MAX_WANDER_PX as usize + 2
 }
 
-/// Fits one column from `start_px`.
 pub(super) fn fit(window: &Window, kernel: &Kernel, start_px: f64, known: Known) -> Option<Fit> {
     if window.clipped(known.saturation) {
         return clipped::fit(window, kernel, start_px, MAX_WANDER_PX, known);

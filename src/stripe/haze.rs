@@ -8,7 +8,6 @@
 
 use super::fit::{Fit, HazeShape};
 use super::kernel::{Kernel, LANES, PHASES, parted, phase_offset};
-use super::synthetic::haze_over_pixel;
 use hydroline_core::frame::GreyView;
 use nalgebra::{Matrix3, Vector3};
 use wide::{f32x4, i16x8, i32x4, u8x16};
@@ -26,7 +25,7 @@ const LENGTHS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, 300.0];
 /// A shorter length must explain the data better by this much chi², else the longest that does:
 /// the level at the stripe is extrapolated, the more the shorter the length.
 const CHI2_FOR_SHORTER: f64 = 4.0;
-/// What the first columns must show for a closer look.
+/// Significance that the first columns must show for a closer look.
 const SIGN_SIGNIFICANCE: f64 = 1.5;
 /// Least significance and least level at which a correction is worth its own noise.
 const MIN_SIGNIFICANCE: f64 = 3.5;
@@ -40,7 +39,6 @@ const MIN_GROUPS: usize = 3;
 /// Smallest such variance that is looked into: waves of 0.3 grey levels.
 const MIN_RESTLESS: f64 = 0.05;
 
-/// Haze of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Haze {
     /// Level at the stripe as a fraction of the peak.
@@ -92,7 +90,6 @@ impl Surroundings {
 }
 
 impl HazeTable {
-    /// Builds the table.
     pub fn new() -> Self {
         let shape = |length: f64| {
             let at = |i: usize| haze_over_pixel(i as f64 - REACH_PX as f64, length);
@@ -313,7 +310,7 @@ struct LevelFit {
     chi2: f64,
 }
 
-/// What the fits of all shapes share: sums of weight w times products of 1, the distance x (in
+/// Sums that the fits of all shapes share: weight w times products of 1, the distance x (in
 /// units of the reach) and the light v.
 #[derive(Default)]
 struct Common {
@@ -390,4 +387,12 @@ impl Haze {
             solved,
         }
     }
+}
+
+/// Haze integrated over the pixel at `distance_px` below the stripe: exp(-d/length) on one side.
+pub(super) fn haze_over_pixel(distance_px: f64, length_px: f64) -> f64 {
+    let along = distance_px * -length_px.signum();
+    let length = length_px.abs().max(1e-9);
+    let (from, to) = ((along - 0.5).max(0.0), (along + 0.5).max(0.0));
+    length * ((-from / length).exp() - (-to / length).exp())
 }

@@ -1,4 +1,4 @@
-//! Which of several lines in the picture is the stripe.
+//! Choice of the stripe among several lines in the picture.
 //!
 //! Where two lines share columns, one of them is a lamp, a window's edge or a reflection. A stripe
 //! is thin, has the profile of a beam, and goes through. Every chain of candidates is looked at in
@@ -20,7 +20,7 @@ use hydroline_core::frame::GreyView;
 const SAMPLES: usize = 15;
 /// Columns that two chains may share before one of them has to go: rounding of ends.
 const SHARED_COLUMNS: usize = 8;
-/// What a beam's profile may leave unexplained, as a fraction of its height, before a line counts
+/// Misfit of a beam's profile, as a fraction of its height, at which a line counts
 /// half: speckle and a lens leave 0.02, an evenly lit bar 0.1.
 const MISFIT: f64 = 0.04;
 /// Width to which neighbours in one line agree: perspective over a frame makes 1.3 at most.
@@ -33,7 +33,7 @@ const MAX_OVER_CEILING: f64 = 6.0;
 /// Lines that are built up, one from each of the best chains.
 const MAX_LINES: usize = 8;
 
-/// What a chain looks like in the columns looked at.
+/// Width, height and evidence of a chain in the columns looked at.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     sigma_px: f64,
@@ -196,7 +196,7 @@ fn best_line(chains: &[Chain], looks: &[Option<Look>], columns: usize) -> Vec<us
             }
         }
         let covered: usize = line.iter().map(|i| chains[*i].links.len()).sum();
-        // What goes through counts twice for it.
+        // Covered columns count twice: a line that goes through is preferred.
         let value = line.iter().map(worth).sum::<f64>() * covered as f64 / columns.max(1) as f64;
         if value > best.0 {
             best = (value, line);

@@ -50,7 +50,7 @@ pub(super) struct Phase {
     /// Least-squares weights of (b, A, A dc, A ds) for each [`LANES`] taps, as integers:
     /// `pmaddwd` multiplies and adds eight of them at once.
     pub solve: Vec<[i16x8; 4]>,
-    /// What one unit of each line's dot product is worth.
+    /// Value of one unit of each line's dot product.
     pub scale: f32x4,
     /// Design columns P, dP/dc, dP/ds for each [`LANES`] taps.
     pub design: Vec<[Lanes; 3]>,
@@ -228,7 +228,6 @@ impl KernelTable {
         (i as usize).min(self.kernels.len() - 1)
     }
 
-    /// The kernel of that index.
     pub fn get(&mut self, index: usize) -> &Kernel {
         let index = index.min(self.kernels.len() - 1);
         self.kernels[index].get_or_insert_with(|| {

@@ -13,19 +13,25 @@
 //! bits. Rows grow downwards; 0 = the centre of the top left pixel.
 //!
 //! ```
-//! use hydroline_stripe::synthetic::{StripeImage, render};
+//! use hydroline_core::frame::GreyImage;
 //! use hydroline_stripe::{Extractor, ExtractorConfig};
 //!
-//! let stripe = StripeImage { row0_px: 287.3, slope: 0.01, ..StripeImage::default() };
-//! let profile = Extractor::new(ExtractorConfig::default()).extract(&render(&stripe));
+//! // A stripe of sd 2 px that falls by one row in a hundred columns.
+//! let row_px = |column: f64| 287.3 + 0.01 * column;
+//! let level = |i: usize| {
+//!     let off_px = (i / 720) as f64 - row_px((i % 720) as f64);
+//!     (14.0 + 180.0 * (-off_px * off_px / 8.0).exp()).round() as u8
+//! };
+//! let pixels = (0..720 * 576).map(level).collect();
+//! let image = GreyImage { width_px: 720, height_px: 576, pixels };
+//! let profile = Extractor::new(ExtractorConfig::default()).extract(&image);
 //! assert!(profile.points.len() > 700);
 //! for point in &profile.points {
-//!     assert!((point.row_px - stripe.row_px(point.column_px)).abs() < 0.3);
+//!     assert!((point.row_px - row_px(point.column_px)).abs() < 0.3);
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod band;
 mod banding;
 mod ceiling;
 mod chains;
@@ -43,11 +49,12 @@ mod path;
 mod report;
 mod scatter;
 mod segments;
-pub mod synthetic;
+#[cfg(test)]
+#[path = "tests/synthetic/mod.rs"]
+mod synthetic;
 mod trace;
 mod transpose;
 
-pub use band::Band;
 pub use config::{ExtractorConfig, Orientation};
 pub use extractor::Extractor;
 pub use output::{CSV_HEADER, annotate, write_csv};
@@ -102,42 +109,29 @@ pub struct Profile {
 
 /// Why a frame has no stripe.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProfileFault {
-    /// The pixel buffer does not fit the stated size.
     #[error("image {width_px}x{height_px} needs {needed} bytes, has {got}: fix the frame source")]
     Malformed {
-        /// Width \[px\].
         width_px: usize,
-        /// Height \[px\].
         height_px: usize,
         needed: usize,
         got: usize,
     },
-    /// Too small to hold a stripe.
     #[error(
         "image {width_px}x{height_px} is too small for a stripe: at least {min_columns}x{min_rows}"
     )]
     TooSmall {
-        /// Width \[px\].
         width_px: usize,
-        /// Height \[px\].
         height_px: usize,
         min_columns: usize,
         min_rows: usize,
     },
-    /// Nothing stands out of the noise.
     #[error(
         "no stripe: no place stands out of noise {noise_sd:.1} (mean grey level {mean_level:.0}); \
          is the laser on, the lens cap off, the exposure right?"
     )]
-    Dark {
-        /// Pixel noise \[grey levels\].
-        noise_sd: f64,
-        /// Mean of the image \[grey levels\].
-        mean_level: f64,
-    },
-    /// Something stands out, but not a stripe.
+    Dark { noise_sd: f64, mean_level: f64 },
     #[error("no stripe: bright spots in {spotted} columns, a stripe in {found}, needed {needed}")]
     TooFewColumns {
         spotted: usize,

@@ -13,7 +13,7 @@ const COLUMN_STEP: usize = 4;
 ///
 /// Differences of neighbours along rows (insensitive to a stripe that runs along them and to slow
 /// light), truncated at three of their own sd (insensitive to edges and particles) and corrected for
-/// the truncation. A fixed grid of pixels: a function of the image alone, the same in a band.
+/// the truncation. A fixed grid of pixels: a function of the image alone.
 pub(super) fn noise_sd(image: GreyView<'_>) -> f64 {
     let (w, h) = (image.width_px, image.height_px);
     // Two histograms in turn: the same difference twice running does not wait for itself.

@@ -1,4 +1,4 @@
-//! Which candidate of each column is the stripe: dynamic programming over columns.
+//! Choice of each column's candidate for the stripe: dynamic programming over columns.
 //!
 //! Every column pays a reward for its candidate's contrast (against the frame's typical best);
 //! a change of row beyond the slack costs in proportion, up to the price of a depth step.
@@ -19,7 +19,6 @@ const RULED_OUT: f32 = -1e3;
 /// Came from, or stays at, "no point".
 const NONE: u8 = u8::MAX;
 
-/// Scratch of the search for the path.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PathScratch {
     back: Vec<[u8; MAX_PER_COLUMN + 1]>,
@@ -133,7 +132,6 @@ fn jump_cost(to: &Spot, from: &Spot, step_cost: f32) -> f32 {
     (jump.max(0.0) * JUMP_COST_PER_PX).min(step_cost)
 }
 
-/// What a candidate is worth.
 #[inline(always)]
 fn reward(spot: &Spot, per_contrast: f32) -> f32 {
     if spot.contrast == 0 {

@@ -1,12 +1,14 @@
 //! Points and rivals of a followed stripe, with their standard deviations and remarks.
 
-use super::band::RIVAL_REACH_PX;
 use super::extractor::{Extractor, Track};
 use super::fit::{self, Fit, Known, Window};
 use super::haze::Haze;
 use super::trace::WIDTH_ROWS;
 use super::{Profile, StripePoint, noise, quality, segments};
 use hydroline_core::frame::GreyView;
+
+/// Reach within which a second candidate is a rival \[px\].
+const RIVAL_REACH_PX: f64 = 24.0;
 
 impl Extractor {
     /// Points and rivals from the tracks.

@@ -43,8 +43,8 @@ const ROWS: usize = 12;
 /// chance makes 1.2 at three sds.
 const WHITE: f64 = 1.3;
 
-/// What the sds of a frame's rows are to be multiplied by, given the variance that its fits leave;
-/// `None` = nothing.
+/// Factor by which the sds of a frame's rows grow, given the variance that its fits leave;
+/// `None` = they stay as they are.
 pub(super) fn sd_scale(
     image: GreyView<'_>,
     points: &[StripePoint],

@@ -292,7 +292,7 @@ impl Extractor {
     /// The haze, and whether the light beside the stripe is more restless than noise and haze.
     fn find_haze(&self, image: GreyView<'_>, noise_sd: f64) -> (Option<Haze>, bool) {
         let alone = |t: &&Track| {
-            // What is ruled out and far away leaves the stripe's surroundings alone.
+            // Spots that are ruled out and far away leave the stripe's surroundings alone.
             let spots = self.spots.column(t.column);
             let others = spots
                 .iter()

@@ -39,7 +39,7 @@ pub(super) fn profile(mut profile: Profile) -> Profile {
 mod tests {
     use super::*;
     use crate::synthetic::{StripeImage, render};
-    use crate::{Band, Extractor, ExtractorConfig, Orientation, ProfileFault};
+    use crate::{Extractor, ExtractorConfig, Orientation, ProfileFault};
 
     #[test]
     fn a_vertical_stripe_gives_the_points_of_the_same_one_lying_down() {
@@ -64,9 +64,6 @@ mod tests {
         for (a, b) in found.points.iter().zip(&flat.points) {
             assert_eq!((a.row_px, a.column_px), (b.column_px, b.row_px));
             assert_eq!((a.sd_px, a.peak, a.quality), (b.sd_px, b.peak, b.quality));
-        }
-        if let Some(band) = Band::from_profile(&found, 30.0) {
-            assert_eq!(upright.extract_in_band(&standing, &band), found);
         }
     }
 

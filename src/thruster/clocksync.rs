@@ -18,7 +18,7 @@
 //! That weighting keeps the fast exchanges and lets slow ones say almost nothing (NTP's clock filter, smoothed).
 //! Outliers are tamed by Huber weights.
 //!
-//! What no exchange can show is the asymmetry of the MINIMAL round trip. Uniform over its bounds +-rtt_min/2 it adds
+//! No exchange can show the asymmetry of the MINIMAL round trip. Uniform over its bounds +-rtt_min/2 it adds
 //! the sd rtt_min / sqrt(12); [`Estimate::offset_sd_us`] contains it, [`Estimate::offset_fit_sd_us`] does not.
 
 mod estimate;
@@ -43,7 +43,7 @@ pub struct Exchange {
     pub boot_id: u16,
 }
 
-/// What adding an exchange did.
+/// Outcome of adding an exchange.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Added {
     /// Taken into the window.
@@ -107,7 +107,7 @@ pub struct ClockSync {
 }
 
 impl ClockSync {
-    /// Empty.
+    /// Estimator without exchanges.
     pub fn new(settings: SyncSettings) -> Self {
         Self {
             settings,

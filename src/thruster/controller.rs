@@ -9,13 +9,11 @@
 mod config;
 mod device;
 mod faults;
-mod loopback;
 mod pty;
 mod serve;
 
 pub use config::ControllerConfig;
 pub use faults::Faults;
-pub use loopback::Loopback;
 pub use pty::{PtyController, PtyError};
 pub use serve::{ServeEnd, serve};
 
@@ -31,15 +29,15 @@ use std::collections::VecDeque;
 pub struct ControllerEvent {
     /// When it took effect, host CLOCK_MONOTONIC \[ns\].
     pub host_monotonic_ns: u64,
-    /// Channel.
+    /// Channel of the output.
     pub channel: u8,
     /// Pulse now put out \[us\].
     pub pulse_us: f64,
-    /// Why.
+    /// Cause of the change.
     pub cause: OutputCause,
 }
 
-/// Why an output has its pulse.
+/// Cause of an output's pulse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputCause {
     /// A command.
@@ -112,12 +110,7 @@ impl SimController {
         }
     }
 
-    /// Its clock at a host time \[us\], 32 bits.
-    pub fn clock_us(&self, host_ns: u64) -> u32 {
-        self.clock.read_us(host_ns)
-    }
-
-    /// What is put out now.
+    /// Pulses that are put out now.
     pub fn outputs(&self) -> &[ChannelPulse] {
         &self.outputs
     }

@@ -2,29 +2,21 @@
 
 use hydroline_rigs::ThrustCurve;
 
-/// Why a thrust has no pulse.
+/// Reason why a thrust has no pulse.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CurveError {
-    /// Beyond the measured ends.
     #[error(
         "thrust {thrust_n} N is outside the curve's {min_n}..{max_n} N: lower the plan or measure the curve further"
     )]
     OutOfRange {
-        /// Asked \[N\].
         thrust_n: f64,
-        /// Smallest thrust of the curve \[N\].
         min_n: f64,
-        /// Largest thrust of the curve \[N\].
         max_n: f64,
     },
     /// No points, or NaN asked.
     #[error("thrust {thrust_n} N has no pulse: the curve has {points} points")]
-    Unusable {
-        /// Asked \[N\].
-        thrust_n: f64,
-        /// Points of the curve.
-        points: usize,
-    },
+    Unusable { thrust_n: f64, points: usize },
 }
 
 /// Pulse width \[us\] that gives `thrust_n` \[N\], as [`ThrustCurve::pulse_us`], with words where there is none.

@@ -37,8 +37,25 @@ pub mod service;
 pub mod stamped;
 pub mod transport;
 
+// The loopback names this crate as the bench does.
+#[cfg(test)]
+extern crate self as hydroline_thruster;
+#[cfg(test)]
+#[path = "tests/loopback/mod.rs"]
+mod loopback;
+
 pub use record::{CommandRecord, ControllerClock, EchoRecord, LinkRecord};
 pub use service::{NeutralHandle, PlanState, ServiceConfig, SetPoint, ThrusterService};
+
+/// Names of the bits that are set; those above the `known` ones are unassigned and reported as such.
+fn bit_names<const N: usize>(known: [&'static str; N], bits: u16) -> Vec<&'static str> {
+    let is_set = |bit: &usize| bits & (1 << bit) != 0;
+    let mut names: Vec<_> = (0..N).filter(is_set).map(|bit| known[bit]).collect();
+    if bits >> N != 0 {
+        names.push("unassigned error bit");
+    }
+    names
+}
 
 /// One channel's pulse as the wire carries it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

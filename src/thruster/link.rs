@@ -22,7 +22,7 @@ use std::time::Duration;
 pub struct Echo {
     /// Of the command.
     pub sequence: u32,
-    /// What is put out, one or several channels.
+    /// Pulses put out, of one or several channels.
     pub pulses: Vec<ChannelPulse>,
     /// Controller clock when the pulses took effect \[us\], unwrapped; 0 where the link has none.
     pub controller_time_us: u64,
@@ -34,37 +34,37 @@ pub struct Echo {
     pub errors: u32,
 }
 
-/// What a link has to say.
+/// Event on a link.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LinkEvent {
     /// An answer to a command.
     Echo(Echo),
     /// The controller said something sound that is not an echo: it is alive.
     Alive,
-    /// New error bits, by name.
+    /// Error bits that are set, at every reading.
     Errors {
-        /// Bits.
+        /// Reported error bits.
         bits: u32,
-        /// Names.
+        /// Their names.
         names: Vec<&'static str>,
     },
     /// A new clock estimate.
     Clock(Estimate),
     /// The controller was reset: its outputs may be anything it starts with.
     Reset {
-        /// What was seen.
+        /// Observation that shows it.
         reason: String,
     },
     /// Received bytes that made no sense were dropped.
     Garbage {
-        /// What was wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// Commands whose answer never came.
     Unanswered {
         /// Sequence of the oldest.
         sequence: u32,
-        /// How many sets.
+        /// Number of sets.
         sets: usize,
     },
 }

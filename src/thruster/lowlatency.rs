@@ -34,7 +34,7 @@ struct SerialStruct {
     iomap_base: libc::c_ulong,
 }
 
-/// What became of it.
+/// State of low-latency mode after it was asked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LowLatency {
     /// ASYNC_LOW_LATENCY, read back.

@@ -50,16 +50,7 @@ const ERROR_NAMES: [&str; 9] = [
 
 /// Names of the error bits that are set; bits 9..16 are unassigned and reported as such.
 pub fn error_names(bits: u16) -> Vec<&'static str> {
-    let mut names: Vec<_> = ERROR_NAMES
-        .iter()
-        .enumerate()
-        .filter(|(bit, _)| bits & (1 << bit) != 0)
-        .map(|(_, name)| *name)
-        .collect();
-    if bits >> ERROR_NAMES.len() != 0 {
-        names.push("unassigned error bit");
-    }
-    names
+    crate::bit_names(ERROR_NAMES, bits)
 }
 
 /// Set Target; channels above 127 and targets above [`MAX_TARGET`] do not fit the data bits: `None`.

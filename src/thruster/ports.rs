@@ -29,11 +29,11 @@ pub struct Port {
     pub serial: Option<String>,
     /// Manufacturer and product words.
     pub description: String,
-    /// What stands in the way of using it, with the fix.
+    /// Obstacle to its use, with the fix; `None` = there is none.
     pub problem: Option<String>,
 }
 
-/// Where sysfs and devices are; other roots in tests.
+/// Folders of sysfs and devices; others in tests.
 #[derive(Debug, Clone)]
 pub struct Roots {
     /// `/sys`

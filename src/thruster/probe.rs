@@ -28,7 +28,7 @@ const DETECT_BAUD: u8 = 0xAA;
 /// A controller that answered.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answered {
-    /// What it puts out on the rig's channels; 0 us = no pulses. Channels it does not have are missing.
+    /// Pulses that it puts out on the rig's channels; 0 us = none. Channels it does not have are missing.
     pub pulses: Vec<ChannelPulse>,
     /// Names of error bits that it reports now.
     pub errors: Vec<&'static str>,
@@ -36,9 +36,9 @@ pub struct Answered {
     pub watchdog_ms: Option<u16>,
 }
 
-/// Why a controller cannot be used as it is.
+/// Reason why a controller cannot be used as it is.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProbeError {
     #[error(
         "opened, but nothing answers: check power, TX/RX wiring, the baud rate of rig and controller, and thrusters.link.kind"
@@ -48,12 +48,10 @@ pub enum ProbeError {
         "the line echoes what is sent to it: take out the loopback plug, or switch the adapter's echo off (half-duplex RS-485)"
     )]
     Echoes,
-    /// A Maestro as it comes from the factory.
     #[error(
         "a Maestro in its factory mode 'UART, detect baud rate': set 'UART, fixed baud rate' (or 'USB dual port' over USB) in the Pololu Maestro Control Center, Serial Settings"
     )]
     DetectsBaud,
-    /// A Maestro that wants check sums.
     #[error(
         "a Maestro in CRC mode, which ignores commands without a check sum: take the tick off 'Enable CRC' in the Pololu Maestro Control Center, Serial Settings"
     )]
@@ -214,7 +212,7 @@ fn maestro(channels: &[u8], line: &mut dyn Transport) -> Result<Answered, ProbeE
     })
 }
 
-/// What kind of Maestro does not answer to a plain question.
+/// Error for a Maestro that does not answer to a plain question.
 fn silent_maestro(line: &mut dyn Transport) -> io::Result<ProbeError> {
     let checked = [GET_ERRORS, crc7(&[GET_ERRORS])];
     if errors_of(&ask(line, &checked, 2)?).is_some() {

@@ -1,4 +1,4 @@
-//! What the thruster service hands on, ready for the log: fields of `hydroline.proto`, times UNIX \[ns\].
+//! Records of the thruster service, ready for the log: fields of `hydroline.proto`, times UNIX \[ns\].
 
 use hydroline_core::event::Event;
 use std::sync::Arc;
@@ -37,7 +37,7 @@ pub struct EchoRecord {
     pub sequence: u32,
     /// Name in the rig file.
     pub thruster: Arc<str>,
-    /// What the controller says it puts out \[us\].
+    /// Pulse that the controller says it puts out \[us\].
     pub pulse_us: f64,
     /// Controller clock when the command took effect \[us\], unwrapped; 0 where the link has none.
     pub controller_time_us: u64,

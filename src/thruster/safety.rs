@@ -1,4 +1,4 @@
-//! What may go out: pulse range and slew are checked before a byte is made, and who says stop is remembered.
+//! Limits on commands: pulse range and slew are checked before a byte is made, and who says stop is remembered.
 //!
 //! A pulse outside the range is a mistake upstream: the set is REFUSED and the thrusters go to neutral. A step that is
 //! too steep is ordinary (a plan's edge): it is LIMITED by ramping, with one event per ramp. Going to neutral is never
@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-/// Why the thrusters are at neutral.
+/// Reason why the thrusters are at neutral.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NeutralReason {
     /// Not started yet, or the plan is over.
@@ -80,26 +80,21 @@ pub struct PulseLimits {
     pub max_step_s: f64,
 }
 
-/// Why a set was refused.
+/// Reason why a set was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Refused {
-    /// Outside the range (or NaN).
     #[error(
         "thruster {index}: pulse {pulse_us} us is outside {min_us}..{max_us} us: nothing was sent; check the curve and [thrusters] limits"
     )]
     Range {
         index: usize,
-        /// Asked \[us\].
         pulse_us: f64,
-        /// Smallest \[us\].
         min_us: f64,
-        /// Largest \[us\].
         max_us: f64,
     },
     #[error("{got} pulses for {want} thrusters: nothing was sent")]
     Count { got: usize, want: usize },
-    /// The state does not allow running.
     #[error("thrusters are {state:?}: a set-point is not taken before they are armed again")]
     State { state: State },
 }
@@ -137,14 +132,9 @@ impl Safety {
         }
     }
 
-    /// State.
+    /// State of the thrusters.
     pub fn state(&self) -> State {
         self.state
-    }
-
-    /// Pulses last admitted \[us\].
-    pub fn last_us(&self) -> &[f64] {
-        &self.last_us
     }
 
     /// Ready to run again; not possible without a link. True when the state is now `Armed` or already `Running`.

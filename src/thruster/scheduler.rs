@@ -1,6 +1,6 @@
 //! When a set-point is due: a grid of due times without accumulated rounding, and what counts as missed.
 
-/// What a plan wants at one time.
+/// Load of a plan at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedLoad {
     /// Thrust per thruster, in the rig's order \[N\].
@@ -14,7 +14,7 @@ pub struct PlannedLoad {
 /// The plan as a function of time since its start \[s\].
 pub type LoadAt = Box<dyn FnMut(f64) -> PlannedLoad + Send>;
 
-/// What the grid says at one moment.
+/// State of the grid at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tick {
     /// Nothing due before this time \[ns\].
@@ -35,7 +35,7 @@ pub enum Tick {
     Missed {
         /// When it was wanted \[ns\].
         due_ns: u64,
-        /// How late it is \[ns\].
+        /// Delay after that \[ns\].
         late_ns: u64,
     },
     /// The plan is over.
@@ -84,7 +84,7 @@ impl Scheduler {
         self.due_ns(self.count)
     }
 
-    /// What [`Self::poll`] would have to wait for; `Due` and `Missed` are not consumed and reported as a wait of 0.
+    /// Wait that [`Self::poll`] would report; `Due` and `Missed` are not consumed and count as a wait of 0.
     pub fn peek(&self, now_ns: u64) -> Tick {
         let until_ns = if self.next >= self.count {
             self.end_ns()

@@ -40,9 +40,9 @@ pub type Sink = Box<dyn FnMut(LinkRecord) + Send>;
 pub struct Opened {
     /// The line.
     pub transport: Box<dyn Transport>,
-    /// What it is, for the log.
+    /// Name of the line, for the log.
     pub name: String,
-    /// What became of low-latency mode, where that means something.
+    /// Result of asking for low-latency mode, where that means something.
     pub low_latency: Option<LowLatency>,
 }
 
@@ -63,7 +63,7 @@ pub fn serial_opener(set: &ThrusterSet, roots: Roots, clock: Arc<dyn Clock>) -> 
     })
 }
 
-/// What the service needs to know besides how to open the line.
+/// Settings of the service, besides the way to open the line.
 #[derive(Debug, Clone)]
 pub struct ServiceConfig {
     /// The rig's thrusters and link.
@@ -100,7 +100,7 @@ pub struct ServiceStats {
     pub cpu_s: f64,
 }
 
-/// What became of the plan last handed to [`ThrusterService::run_plan`].
+/// State of the plan last handed to [`ThrusterService::run_plan`].
 ///
 /// Final are `Completed`, `Aborted` and `Refused`; they stay until the next plan.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -138,7 +138,7 @@ pub enum Order {
     },
 }
 
-/// What both sides see.
+/// State that the service's thread and its callers share.
 #[derive(Debug, Default)]
 pub struct Shared {
     neutral: AtomicU8,
@@ -327,7 +327,7 @@ impl ThrusterService {
         ordered
     }
 
-    /// What became of the plan last handed to [`Self::run_plan`].
+    /// State of the plan last handed to [`Self::run_plan`].
     pub fn plan_state(&self) -> PlanState {
         let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         if ended {
@@ -352,19 +352,7 @@ impl ThrusterService {
         self.shared.state()
     }
 
-    /// Waits until there is a link (its first neutral sent); false = none within `timeout`.
-    pub fn wait_for_link(&self, timeout: std::time::Duration) -> bool {
-        let until = std::time::Instant::now() + timeout;
-        while self.state() == State::Lost {
-            if std::time::Instant::now() >= until {
-                return false;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        true
-    }
-
-    /// Counters.
+    /// Counters so far.
     pub fn stats(&self) -> ServiceStats {
         self.shared.stats(|s| *s)
     }

@@ -31,11 +31,8 @@ pub mod error {
     pub const CHANNEL: u16 = 1 << 4;
     /// The watchdog has put all outputs to neutral.
     pub const WATCHDOG: u16 = 1 << 5;
-    /// Supply voltage too low.
-    pub const UNDERVOLTAGE: u16 = 1 << 6;
-    /// An output stage reports a fault.
-    pub const OUTPUT: u16 = 1 << 7;
 
+    /// By bit; the last two are the controller's own: it sets them, nothing here acts on them.
     const NAMES: [&str; 8] = [
         "CRC error",
         "framing error",
@@ -49,16 +46,7 @@ pub mod error {
 
     /// Names of the bits that are set.
     pub fn names(bits: u16) -> Vec<&'static str> {
-        let mut names: Vec<_> = NAMES
-            .iter()
-            .enumerate()
-            .filter(|(bit, _)| bits & (1 << bit) != 0)
-            .map(|(_, name)| *name)
-            .collect();
-        if bits >> NAMES.len() != 0 {
-            names.push("unassigned error bit");
-        }
-        names
+        crate::bit_names(NAMES, bits)
     }
 }
 

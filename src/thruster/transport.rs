@@ -7,7 +7,7 @@ pub use serial::{OpenError, SerialTransport};
 use std::io;
 use std::time::Duration;
 
-/// How the time of the last byte is known.
+/// Kind of line, by which the time of the last byte is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wire {
     /// A real UART line: bytes leave one after the other, 10 bits each (start, 8 data, stop).
@@ -34,7 +34,7 @@ impl Wire {
 pub struct Sent {
     /// When the last byte leaves (or left) the host \[ns\]; for a UART up to one write's wire time in the future.
     pub last_byte_out_ns: u64,
-    /// Bytes.
+    /// Number of bytes.
     pub bytes: usize,
 }
 

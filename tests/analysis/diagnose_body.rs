@@ -60,7 +60,7 @@ fn the_order_of_logs_changes_nothing() {
     let second = asked(&turned(fitted), &turned(held), &rig);
     assert_eq!(first.sentence, second.sentence);
     assert_eq!(probabilities(&first), probabilities(&second));
-    // What is held out chooses nothing: without it the verdict is the same.
+    // Held-out runs choose nothing: without them the verdict is the same.
     let third = asked(fitted, &[], &rig);
     assert_eq!(first.sentence, third.sentence);
     assert_eq!(probabilities(&first), probabilities(&third));

@@ -393,7 +393,7 @@ fn a_fit_goes_into_a_rig_with_its_sd_and_predict_uses_it() {
         assert!((known.sd[i] / parameter["sd"].as_f64().unwrap() - 1.0).abs() < 1e-9);
         assert!((known.covariance[i][i] - known.sd[i].powi(2)).abs() < 1e-9 * known.sd[i].powi(2));
     }
-    // What was not asked stays.
+    // Coefficients that were not fitted stay.
     assert_eq!(
         rig.vehicle.coefficients[1..],
         wrong.vehicle.coefficients[1..]

@@ -1,4 +1,4 @@
-//! What is known of the measurement's noise, and what a fit makes of it: samples weighed by the sd their log
+//! Measurement noise as it is known, and what a fit makes of it: samples weighed by the sd their log
 //! says, noise measured at rest, false alarms and real misfits.
 #![allow(clippy::unwrap_used)]
 
@@ -37,7 +37,7 @@ fn fit(runs: &[Run], rig: &Rig) -> Identification {
     identify(runs, rig, &options(&quick())).unwrap()
 }
 
-/// What `vehicle` does under the load of a run, without noise, against the same of another.
+/// Largest difference in x \[m\] between two vehicles under the same commands, without noise.
 fn apart_m(a: &Vehicle, b: &Vehicle, commands: &[(f64, [f64; 6])], length_s: f64) -> f64 {
     let [a, b] = [a, b].map(|v| simulated(v, "", commands, length_s, NONE, 1));
     let pairs = a.samples.iter().zip(&b.samples);
@@ -75,7 +75,7 @@ fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
         for (key, p) in &found.parameters {
             Coefficient::find(key).unwrap().put(&mut fitted, p.value);
         }
-        // What was written as it came out beside what was not.
+        // Fitted values as they came out, beside the quadratic term that the rig keeps.
         let mut mixed = fitted.clone();
         mixed.coefficients[0].quadratic = rig.vehicle.coefficients[0].quadratic;
         let near_m = apart_m(&written.vehicle, &fitted, &commands, 12.0);
@@ -261,7 +261,7 @@ fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them()
     assert_eq!(found.noise["x_m"].source, "measured at rest");
     assert!(notes.contains("still: at rest for 30 s, used"), "{notes}");
     assert!(notes.contains("not by whole covariances"), "{notes}");
-    // What measured nothing of the equations is not said to be used.
+    // A run at rest that measured nothing of the equations is not reported as used.
     for sample in &mut runs[2].samples {
         sample.values[Channel::X] = f64::NAN;
         sample.values[Channel::Y] = f64::NAN;
@@ -647,7 +647,7 @@ fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none()
     assert!(weak > 0 && strong > 0, "{weak} {strong}");
 }
 
-/// What samples have alike shows in no scatter: the logs' own sd says it, and intervals are not narrower than that.
+/// An error that samples have in common shows in no scatter: the logs' own sd says it, and intervals are not narrower than that.
 #[test]
 fn intervals_are_as_wide_as_the_sd_that_logs_say_where_samples_scatter_less() {
     let rig = decoupled();

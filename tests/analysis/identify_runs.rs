@@ -104,7 +104,7 @@ fn intervals_cover_the_truth_in_600_experiments() {
                 "{name}: {key} {:.1} % inside, errors over their sd {ratio:.3}",
                 100.0 * share
             );
-            // What is asked; and 1 +- 3 / sqrt(2 * 600) of the errors over their sd.
+            // The coverage that is required; and 1 +- 3 / sqrt(2 * 600) of the errors over their sd.
             if !(0.92..=0.98).contains(&share) || !(0.913..=1.087).contains(&ratio) {
                 missed.push((name, key, share, ratio));
             }
@@ -260,7 +260,7 @@ fn a_coast_down_seen_by_velocity_only_starts_at_any_speed() {
     assert_eq!(found.model, "surge");
     assert_sound(&found, &truth);
     assert!((found.runs[0].rms["u_mps"] / 1e-3 - 1.0).abs() < 0.2);
-    // What was not measured has no noise.
+    // Channels that were not measured have no noise.
     assert!(!found.noise.contains_key("x_m") && !found.runs[0].rms.contains_key("x_m"));
 }
 

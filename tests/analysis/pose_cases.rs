@@ -199,7 +199,7 @@ fn target_rig() -> Rig {
 /// Required, rms: x, y, z [mm], φ, θ, ψ [°] with thickness and brightness fitted.
 const REQUIRED: [f64; 6] = [0.8, 0.06, 0.27, 0.001, 0.06, 0.012];
 
-/// What is required is printed beside what is reached by single frames with the thickness free. These frames are
+/// Prints the requirement beside what is reached by single frames with the thickness free. These frames are
 /// sampled three times per pixel and then blurred from pixel to pixel: the blur on the grid is found and fitted (share
 /// 1.0 of it), but what an edge leaves over against its distance is a sawtooth of period 1/3 px, ± 0.03 px for edges
 /// aslant, ± 0.1 px for those along the columns, several rows alike. That is the model error of the edges (estimated from
@@ -339,7 +339,7 @@ fn joint_pose_with_the_thickness_refined_over_the_run(images: &Path) {
         let score = score_of(images, name, &rig, &fitter.refined(&found));
         assert_eq!(score.failed, 0, "{name}");
         within_its_sd(name, &score);
-        // What is asked holds for yaw of 0 to 5 deg. At up to 17 deg what is left of the weak direction shows in y (even the
+        // The requirement holds for yaw of 0 to 5 deg. At up to 17 deg the rest of the weak direction shows in y (even the
         // bound with the thickness free is 0.08 mm there); ψ of nine frames, two of them at corners.
         let within: [f64; 6] = match name {
             "yaw" => [1.0, 2.0, 1.0, 1.0, 1.0, 2.0],

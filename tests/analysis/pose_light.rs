@@ -28,7 +28,7 @@ const LIGHTS: [&str; 14] = [
     "all-mild",
 ];
 
-/// What a run's frames say of its camera.
+/// Camera's response by a run's frames; unknown where too few of them fit.
 fn response(fitter: &PoseFitter, frames: &[(GreyImage, Pose)]) -> CameraResponse {
     let open = fitter.with_response_open();
     let mut extractor = Extractor::new(ExtractorConfig::default());

@@ -18,7 +18,7 @@ const OTHERS: f64 = 0.5;
 
 /// Of Table 10, per condition: the rms of so many scatters by a ninth about what it stands for.
 const EXPERIMENTS: u64 = 40;
-/// How often the largest error of a test may be beyond its limit where every reported sd is right.
+/// Probability that the largest error of a test is beyond its limit where every reported sd is right.
 const FALSE_ALARM: f64 = 0.02;
 
 /// The largest of `errors` independent normal errors, in sds: what it exceeds with the chance of a false alarm.

@@ -1,7 +1,7 @@
 //! A share of the sample against the committed numbers: another way to build the same code gives the same results.
 //!
-//! What the sample is stands in tests/sample/cases.toml, its numbers (its first line says by what) in tests/data/sample/expected.json. All of it
-//! (200 poses, 20 calibrations, 20 identifications, 20 verdicts; three minutes of one core) and its run times:
+//! Cases: tests/sample/cases.toml; numbers: tests/data/sample/expected.json (its `binary` names the build). All of it (200 poses,
+//! 20 calibrations, 20 identifications, 20 verdicts; three minutes of one core) and its run times:
 //!
 //! ```sh
 //! tests/sample/run target/release/hydroline /tmp/new && tests/sample/compare tests/data/sample/expected.json /tmp/new

@@ -6,7 +6,7 @@
 
 use crate::inputs::{logs_of, on_both_sets};
 use hydroline::frame::GreyImage;
-use hydroline::stripe::{Band, Extractor, ExtractorConfig, Profile, quality};
+use hydroline::stripe::{Extractor, ExtractorConfig, Profile, quality};
 use nalgebra::{Rotation3, Vector3};
 use prost::Message;
 use std::path::Path;
@@ -248,7 +248,6 @@ fn stripes_lie_where_the_truth_puts_them(images: &Path) {
             ..Default::default()
         });
         let (mut ours, mut whole) = (Tally::default(), Tally::default());
-        let mut band: Option<Band> = None;
         let mut worst_sound = 0.0f64;
         for (index, (image, pose)) in frames(&images.join(name).with_extension("mcap"))
             .iter()
@@ -264,15 +263,6 @@ fn stripes_lie_where_the_truth_puts_them(images: &Path) {
             );
             compare(&profile, &wanted, &mut ours);
             compare(&paper.extract(image), &wanted, &mut whole);
-            // The band of the frame before: the same points, whether it holds or falls back.
-            if let Some(band) = &band {
-                let inside = extractor.extract_in_band(image, band);
-                assert_eq!(
-                    inside.points, profile.points,
-                    "{name} frame {index}: band differs"
-                );
-            }
-            band = Band::from_profile(&profile, 28.0);
             // A fresh extractor: no state may matter.
             assert_eq!(
                 Extractor::new(ExtractorConfig::default()).extract(image),

@@ -1,4 +1,4 @@
-//! What broke under attack, each by the binary alone and named by what broke.
+//! Faults found under attack, each shown by the binary alone and named by what broke.
 //!
 //! `HYDROLINE_BINARY=OLD cargo test --test recording attacks` asks another build: on one from before the mending
 //! (4042f4f) every test here fails.

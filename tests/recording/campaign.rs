@@ -130,7 +130,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
     assert!(before.iter().all(|(name, at)| after[name] == *at));
 }
 
-/// What a campaign leaves that another one of the same logs must leave too: sheets and tables, byte for byte.
+/// Files of a campaign that another one of the same logs must leave too: sheets and tables, byte for byte.
 fn left(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut left = BTreeMap::new();
     for entry in std::fs::read_dir(out.join("store/sheets")).unwrap() {
@@ -209,7 +209,7 @@ phase_deg = 90
 for_s = 6.0
 wrench = { surge_n = -8.0 }
 "#;
-/// What a fouled thruster gives of its thrust.
+/// Share of its thrust that a fouled thruster gives.
 const FOULED: f64 = 0.6;
 /// Ballast \[kg\].
 const BALLAST_KG: f64 = 2.0;

@@ -1,4 +1,4 @@
-//! What the repository cites is in it: every page that a comment, a string or a chapter names by its file stands in this clone.
+//! Citations: every page that a comment, a string or a chapter names by its file is in this clone.
 
 use std::path::{Path, PathBuf};
 
@@ -34,7 +34,7 @@ fn cited(line: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Whether a page stands in the repository: from the folder of the file that cites it or one above, or from the guide's.
+/// Whether a page is in the repository: from the folder of the file that cites it or one above, or from the guide's.
 fn stands(page: &str, folder: &Path, root: &Path) -> bool {
     let above = folder.ancestors().take_while(|f| f.starts_with(root));
     let guide = root.join("src/guide");

@@ -1,4 +1,4 @@
-//! Which build it was: `--version`, the head of every log that it writes, and what the build script finds.
+//! Build that ran: `--version`, the head of every log that it writes, and what the build script finds.
 
 use crate::support::hydroline;
 use hydroline::build_info::{BuildInfo, VERSION};
@@ -195,7 +195,7 @@ fn the_build_script_says_the_commit_and_what_differs_from_it() {
     let clean = state();
     assert_eq!(clean.commit, head[..12]);
     assert_eq!(clean.dirty, Some(false));
-    // What is watched is what the flag is about, and what every commit touches.
+    // Paths watched are those that the flag is about, and those that every commit touches.
     for name in [
         "src/main.rs",
         "src/room",

@@ -86,7 +86,7 @@ fn a_series_of_images_becomes_a_rig_that_states_its_camera() {
     let [black, sd] = stated.black_levels.unwrap();
     assert!((black - 16.0).abs() < 4.0 * sd, "{stated:?}");
     assert_eq!(stated.ceiling_levels, Some(235));
-    // What is printed is that table.
+    // The output is that table.
     let table = String::from_utf8(output.stdout).unwrap();
     assert_eq!(table, stated.to_toml());
     let json = run(&args, &["--json"]);

@@ -327,7 +327,7 @@ fn logs_that_are_not_read_say_what_makes_one_that_is() {
             assert!(words(&said).contains(word), "{word}: {}", words(&said));
         }
     }
-    // What that makes is imported.
+    // The converted recording is imported.
     let (samples, said) = guessed(&dir.path().join("converted"), &[]);
     assert_eq!(samples, 150, "{said}");
 }

@@ -26,7 +26,7 @@ struct Logs {
 
 #[derive(Clone, Copy)]
 struct Clocks {
-    /// What has to be added to the commands' stamps \[s\].
+    /// Offset to add to the commands' stamps \[s\].
     offset_s: f64,
     /// The commands' log holds neutral for so long before the motion begins \[s\].
     idle_s: f64,

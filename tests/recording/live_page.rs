@@ -102,7 +102,7 @@ fn image_stripe_pose_and_loads_are_on_the_page_and_stop_stops() {
     );
 }
 
-/// What a busy computer loses by itself.
+/// Frames, or commands, that a busy computer loses by itself.
 const BY_ITSELF: u64 = 2;
 
 #[test]

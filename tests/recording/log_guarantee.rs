@@ -1,4 +1,4 @@
-//! What is guaranteed of the log format (src/guide/reference/interfaces.md): logs of every release are read as they were
+//! Guarantees of the log format (src/guide/reference/interfaces.md): logs of every release are read as they were
 //! written, and no field of a message changed its number, type or name.
 //!
 //! `tests/data/logs/VERSION` holds logs of that release, `expected.json` with what they hold, and the release's messages as
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What a log holds, so that a change of its layout by `export` is none.
+/// Contents of a log: equal where `export` merely writes them otherwise.
 #[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Contents {
     /// Rows by table.
@@ -133,7 +133,7 @@ fn contents(log: &Path) -> Contents {
     let rig: toml::Table = metadata("rig", "toml").unwrap().parse().unwrap();
     let parsed = hydroline_rigs::Rig::from_toml(&rig.to_string(), "kept", None).unwrap();
     let effective: toml::Table = parsed.to_toml().parse().unwrap();
-    // What was typed then is what is in force now.
+    // Keys typed then have the same values in force now.
     flatten(
         "",
         &toml::Value::Table(rig),
@@ -312,7 +312,7 @@ fn a_renamed_renumbered_or_retyped_field_breaks_the_guarantee() {
             _ => drop(message.field.remove(1)),
         }
         assert_eq!(broken(&then, &now).len(), 1, "change {change}");
-        // What is added breaks nothing.
+        // A field that is added breaks nothing.
         assert!(broken(&now, &then).len() < 2);
     }
 }

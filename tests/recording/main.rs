@@ -18,6 +18,7 @@ mod live_page;
 mod log_guarantee;
 mod many_logs;
 mod notebook;
+mod one_verdict;
 mod plan_sizes;
 mod readme;
 mod record_clock;
@@ -31,6 +32,7 @@ mod simulate_light;
 mod simulate_reproducible;
 mod third_party;
 mod until_decided;
+mod verdict_json;
 mod words;
 
 #[path = "../support/http.rs"]

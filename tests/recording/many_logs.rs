@@ -78,7 +78,7 @@ fn grep_finds_logs_by_rig_and_plan_and_says_where_nothing_is_found() {
         "one line each: {out}"
     );
     assert!(lines.iter().all(|l| l.starts_with("logs/day/b.mcap: ")));
-    // What is printed as a number of lines is looked through line by line.
+    // A text that is printed as a number of lines is searched line by line.
     let (_, out, _) = run(dir, &["info", "logs", "--grep", r"^rig\.toml: mass_kg"]);
     assert_eq!(out.lines().count(), 2, "{out}");
     let (code, out, err) = run(dir, &["info", "logs/a.mcap", "--grep", "submarine"]);
@@ -112,8 +112,11 @@ fn export_of_a_folder_is_repeated_for_what_is_new() {
     table
         .set_modified(SystemTime::now() - Duration::from_secs(3600))
         .unwrap();
-    let (_, out, _) = run(dir, &words);
-    assert!(out.starts_with("tables/a.csv: ") && out.lines().count() == 1);
+    let (_, out, err) = run(dir, &words);
+    assert!(
+        out.starts_with("tables/a.csv: ") && out.lines().count() == 1,
+        "{out:?}, {err}"
+    );
     // Without --update nothing is replaced.
     let (code, _, err) = run(dir, &words[..5]);
     assert_eq!(code, Some(2), "{err}");
@@ -154,7 +157,7 @@ fn replay_of_a_folder_goes_on_after_a_bad_log_and_is_repeated() {
     let (_, out, err) = run(dir, &words);
     assert_eq!(out, "");
     assert!(err.contains("poses/b.mcap: up to date"), "{err}");
-    // What a kill has cut is no result: it is made anew, and the same.
+    // A file that a kill has cut is no result: it is made anew, and the same.
     let whole = std::fs::read(dir.join("poses/b.mcap")).unwrap();
     std::fs::write(dir.join("poses/b.mcap"), &whole[..whole.len() / 2]).unwrap();
     let mut json = words.to_vec();

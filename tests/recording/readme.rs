@@ -23,7 +23,7 @@ struct Session {
     name: &'static str,
     /// Takes minutes: `tests/nightly readme` runs it.
     nightly: bool,
-    /// What the reader would have by then, into the folder; `false`: what makes it is not installed.
+    /// Brings what the reader would have by then into the folder; `false`: a program that makes it is not installed.
     bring: fn(&Path) -> bool,
     otherwise: &'static [Substitution],
 }
@@ -379,7 +379,7 @@ fn pages() -> Vec<String> {
     pages
 }
 
-/// What is wrong with a block that other scripts are said to run.
+/// Programs of a block said to run in other scripts that none of these names, one sentence each.
 fn not_elsewhere(block: &Block, scripts: &str) -> Vec<String> {
     let texts: Vec<String> = scripts
         .split(", ")
@@ -408,7 +408,7 @@ fn every_command_block_is_run_or_says_where() {
             ));
         }
         for block in blocks::blocks(&text, &name).unwrap() {
-            // How a command is spelt, as the program itself prints it: generated, and nothing to run.
+            // The reference spells commands as the program itself prints them: generated, and nothing to run.
             if name.starts_with("src/guide/reference/") {
                 continue;
             }

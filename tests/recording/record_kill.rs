@@ -1,6 +1,6 @@
 //! kill -9 of the daemon itself: simulated camera, simulated controller, the plan of the paper.
 //!
-//! What the process had cannot be asked of a killed process, so it is reckoned from what fell due:
+//! A killed process cannot be asked what it had, so that is reckoned from what fell due:
 //! frames and commands come at a fixed rate, each reaches the log at most as late as the latest
 //! one in that very log did, and what fell due before the kill by that reckoning must be there.
 #![allow(clippy::unwrap_used, clippy::panic)]

@@ -1,4 +1,4 @@
-"""That the comparison can fail. `python3 tests/sample/test_judge.py`; tests/sample.rs runs it too."""
+"""That the comparison can fail. `python3 tests/sample/test_judge.py`; tests/analysis/sample.rs runs it too."""
 import copy
 import json
 import sys

@@ -161,7 +161,7 @@ pub fn other_vehicle(rig: &Rig, seed: u64) -> Vehicle {
     vehicle
 }
 
-/// Which 95 % intervals hold the truth.
+/// Whether each coefficient's 95 % interval holds the truth, by its key.
 pub fn inside(found: &Identification, truth: &Vehicle) -> BTreeMap<String, bool> {
     found
         .parameters

@@ -83,7 +83,7 @@ pub fn session_key(address: SocketAddr) -> String {
     rest.split('"').next().unwrap().to_owned()
 }
 
-/// What a picture answer holds: its overlay, and the image.
+/// Overlay and image of a picture answer.
 pub fn picture(answer: &Answer) -> (serde_json::Value, Vec<u8>) {
     let length = u32::from_le_bytes(answer.body[..4].try_into().unwrap()) as usize;
     let overlay = serde_json::from_slice(&answer.body[4..4 + length]).unwrap();

@@ -1,4 +1,4 @@
-//! What several tests of the chain need: a recording of the built-in rig, assembled as the daemon does.
+//! Support for several tests of the chain: a recording of the built-in rig, assembled as the daemon does.
 #![allow(dead_code, clippy::unwrap_used)]
 
 use hydroline::capture::sim::{Scene, SimCamera};
@@ -156,7 +156,7 @@ pub fn read_markup(text: &str) -> roxmltree::Document<'_> {
     document
 }
 
-/// How many elements of a name there are.
+/// Number of elements of a name.
 pub fn elements(document: &roxmltree::Document<'_>, name: &str) -> usize {
     let named = |n: &roxmltree::Node<'_, '_>| n.tag_name().name() == name;
     document.descendants().filter(named).count()

@@ -60,11 +60,11 @@ pub struct Gap {
     pub covariance: DMatrix<f64>,
 }
 
-/// What is assumed where nothing is measured.
+/// Gap assumed where nothing is measured: none, with these standard deviations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unknown {
-    /// Why.
+    /// Reason why it is unknown.
     pub why: String,
     /// Standard deviation of the offset \[m\].
     pub offset_sd_m: f64,
@@ -198,7 +198,7 @@ impl Gap {
     }
 }
 
-/// What the measurement needs to know besides the image.
+/// Inputs of the measurement besides the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GaugeOptions {
     /// Camera in the board's frame: ξ, η, distance from the face \[m\] (rig file: mounts).

@@ -42,7 +42,7 @@ impl Placement {
     }
 }
 
-/// What the map leaves at a node, board coordinates.
+/// Residual of the map at a node, in board coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NodeResidual {
@@ -56,10 +56,10 @@ pub struct NodeResidual {
     pub deta_m: f64,
 }
 
-/// What a calibration contains beside its nodes.
+/// Circumstances of a calibration, stored beside its map and nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Provenance {
-    /// What the light went through.
+    /// Medium that the light went through.
     pub medium: Medium,
     /// RFC 3339, from the caller: this crate has no clock.
     pub date: Option<String>,
@@ -71,7 +71,7 @@ pub struct Provenance {
     pub coplanarity: Coplanarity,
     /// Size of the images.
     pub image: Option<ImageSize>,
-    /// What is still missing; empty = accepted.
+    /// Requirements not yet met, in words; empty = accepted.
     pub missing: Vec<String>,
 }
 
@@ -140,7 +140,6 @@ impl Calibration {
     }
 }
 
-/// See the module.
 pub(super) struct BoardMap {
     calibration: Calibration,
     map: FittedMap,

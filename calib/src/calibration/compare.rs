@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Rotation2, Vector2};
 use super::Calibration;
 
 /// Differences of two calibrations over what both cover, B minus A, on the sheet.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Comparison {
     /// Points compared.
     pub points: usize,
@@ -109,13 +109,8 @@ pub fn compare(a: &Calibration, b: &Calibration, align: bool) -> Option<Comparis
     });
     let mut result = Comparison {
         points: pairs.len(),
-        mean_m: [0.0; 2],
-        rms_m: [0.0; 2],
-        max_m: 0.0,
-        worst_m: [0.0; 2],
-        expected_m: [0.0; 2],
-        ratio: 0.0,
         removed,
+        ..Comparison::default()
     };
     let mut chi2 = 0.0;
     for (p, q, covariance) in &pairs {

@@ -7,9 +7,8 @@ use crate::plane::ImageSize;
 
 /// Why a calibration is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum UseError {
-    /// Made in one medium, to be used in another.
     #[error(
         "the calibration was made in {made} (board {board}), the run is in {run}: {cost}. Calibrate in {run}, or force it"
     )]
@@ -19,7 +18,6 @@ pub enum UseError {
         board: String,
         cost: &'static str,
     },
-    /// Made from images of one size, to be used on another.
     #[error(
         "the calibration was made from images of {} × {} px, the run's have {} × {}: another size or crop is another map. Calibrate with the run's camera settings",
         made.width_px, made.height_px, run.width_px, run.height_px
@@ -84,7 +82,7 @@ impl Calibration {
         })
     }
 
-    /// What must be said when it is used: that it was never accepted, or claims nothing.
+    /// Caveat for its use: that it was never accepted, or claims nothing; `None` = no caveat.
     pub fn caveat(&self) -> Option<String> {
         if !self.missing.is_empty() {
             return Some(format!(
@@ -97,7 +95,7 @@ impl Calibration {
         withdrawn.then(|| self.claim())
     }
 
-    /// What the calibration says of its own accuracy, in words.
+    /// Accuracy that the calibration claims, in words.
     pub fn claim(&self) -> String {
         let gap = self.coplanarity.as_ref();
         let Some(r) = &self.residuals else {

@@ -15,7 +15,7 @@ const BESIDE: f64 = 0.2;
 /// Least step of grey at an edge, and most along the face, as a share of the pattern's.
 const STEP: f64 = 0.25;
 
-/// What the ends of a pattern are judged by: `seen` columns and rows in upright order.
+/// Inputs by which the ends of a pattern are judged: `seen` columns and rows in upright order.
 pub(super) struct Ends<'a> {
     pub image: &'a Grey<'a>,
     pub board: &'a Board,

@@ -98,7 +98,7 @@ pub(super) fn fine<'a>(
     let mut most_sound = 0;
     // Downhill from the blur of a good lens: most images need three or four of the trials.
     let mut k = 2usize;
-    // What three blurs leave unexplained and a soft image's does as well is no such pattern, and not
+    // A lattice that three blurs leave unexplained, and a soft image's blur as well, is no such pattern, and not
     // worth the walk: of a board, fits at the next trial's blur leave a tenth of the contrast.
     let hopeless = [2, 1, 3, 5].into_iter().all(|near| {
         let (score, sound) = misfit(&mut refiner, trials[near]);

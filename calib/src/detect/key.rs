@@ -11,7 +11,7 @@ use super::lattice::Index;
 use crate::board::Key;
 use crate::map::geometry::{apply, homography};
 
-/// What was seen of a key.
+/// Result of the search for a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum KeySearch {
     /// These quarter turns and this shift bring the nodes into the board's order.

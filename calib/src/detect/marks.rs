@@ -1,4 +1,4 @@
-//! What a mark looks like through a blur: line crossing, dot and chessboard corner in a local perspective.
+//! Appearance of a mark through a blur: line crossing, dot and chessboard corner in a local perspective.
 
 use std::sync::OnceLock;
 
@@ -43,7 +43,7 @@ fn normal(table: &Table, x: f64) -> (f64, f64) {
     (a.0 + f * (b.0 - a.0), a.1 + f * (b.1 - a.1))
 }
 
-/// What a node looks like under a blur: all that its pixels share, divisions done.
+/// Appearance of a node under a blur: all that its pixels share, divisions done.
 pub(super) struct Local {
     table: &'static Table,
     kind: Marks,

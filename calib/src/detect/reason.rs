@@ -6,15 +6,13 @@ use super::image::{Grey, Plane};
 
 /// Why there are no nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum NotFound {
     #[error(
         "the image is empty: {width} × {height} px, grey levels within {range:.0}; check lens cap, light and exposure"
     )]
     Empty {
-        /// Width \[px\].
         width: usize,
-        /// Height \[px\].
         height: usize,
         /// Spread of the grey levels (1st to 99th percentile).
         range: f64,
@@ -44,19 +42,16 @@ pub enum NotFound {
         /// Pattern seen, where it is not the file's.
         pattern: Option<&'static str>,
     },
-    /// Part of a board, and nothing says which part.
     #[error(
         "only {} × {} of {} × {} nodes are in view and no key says which; show all columns and rows, or use a board with a key",
         seen[0], seen[1], wanted[0], wanted[1]
     )]
     PartlySeen { seen: [u32; 2], wanted: [u32; 2] },
-    /// As many nodes as the board has, up to the image's border, and no key.
     #[error(
         "{} × {} nodes are seen, but the image ends little more than half a step beyond them and no key says that they are the board's: a tiled floor looks the same; show what is around the board, or use a board with a key",
         seen[0], seen[1]
     )]
     EndNotSeen { seen: [u32; 2] },
-    /// Something in front of the board, and of its key.
     #[error(
         "{nodes} of {of} nodes are seen, the {missing} of the board is missing and no key says which node is which: take away what is in front of the board; if nothing is, give the file of the board that is in the tank"
     )]
@@ -66,7 +61,6 @@ pub enum NotFound {
         /// Which part is missing, as the camera sees it.
         missing: String,
     },
-    /// Left and right, or above and below, in exchange.
     #[error("the image is mirrored{}: the board's key runs the wrong way round; switch off the camera's flip (`horizontal_flip` or `vertical_flip`, whichever is on: a [[camera.control]] in the rig with value = 0, or v4l2-ctl), or take the mirror out of the light's way{}",
         if *aside { ", or the board lies on its side" } else { "" },
         if *aside { "; if the board lies on its side, put it upright: this board and its key look the same both ways" } else { "" })]

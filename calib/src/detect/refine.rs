@@ -16,7 +16,6 @@ use super::marks::Local;
 use super::tone::Tone;
 use crate::map::geometry::{apply, homography_jacobian};
 
-/// A refined node.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Refined {
     pub position: [f64; 2],
@@ -41,7 +40,7 @@ impl Refined {
     }
 }
 
-/// What all nodes of an image share.
+/// Image, board, lattice's map, blur and curve that all nodes of an image share.
 pub(super) struct Refiner<'a> {
     pub image: &'a Grey<'a>,
     pub board: &'a Board,
@@ -129,7 +128,7 @@ impl Patch<'_> {
             .max(0.7);
     }
 
-    /// What neighbouring residuals have in common, as an rms: noise is each pixel's own, a wrong model is
+    /// Part that neighbouring residuals have in common, as an rms: noise is each pixel's own, a wrong model is
     /// not. Half the mean square of their differences is the noise.
     fn misfit(&self) -> f64 {
         let sound = |e: f64| e.abs() <= 5.0 * self.scale;
@@ -250,7 +249,7 @@ pub(super) struct ConvergedFit<'a> {
 }
 
 impl ConvergedFit<'_> {
-    /// What is reported of it, if it is a node: by its own measure only, others may know more.
+    /// The refined node, if it is one: by its own measure only, others may know more.
     pub fn refined(&self, start: [f64; 2]) -> Option<Refined> {
         let ConvergedFit { theta, patch, .. } = self;
         let rms = (patch.square_sum / patch.weight_sum).sqrt();
@@ -278,7 +277,7 @@ impl ConvergedFit<'_> {
         )
     }
 
-    /// What the fit leaves, as a share of the contrast.
+    /// Rms that the fit leaves, as a share of the contrast.
     pub fn relative(&self) -> f64 {
         let rms = (self.patch.square_sum / self.patch.weight_sum).sqrt();
         rms / self.theta[3].abs().max(1.0)
@@ -319,7 +318,7 @@ impl ConvergedFit<'_> {
 }
 
 impl Refiner<'_> {
-    /// What marks look like at a node.
+    /// Appearance of the marks at a node under the blur.
     pub fn local(&self, m: &Matrix2<f64>) -> Local {
         Local::new(self.board, m, self.blur_px)
     }

@@ -1,4 +1,4 @@
-//! What the nodes of an image share beside its blur: the camera's curve.
+//! The camera's curve, which the nodes of an image share beside its blur.
 //!
 //! Gauss–Newton in three numbers, the logarithms of γ, ε and blur, with each node's own six
 //! eliminated (Schur's complement); between two steps the nodes are fitted anew. A straight

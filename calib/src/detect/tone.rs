@@ -16,7 +16,6 @@ pub(super) const USUAL_EPSILON: f64 = 0.13;
 /// Standard deviation of its logarithm.
 pub(super) const EPSILON_LOG_SD: f64 = 0.6;
 
-/// A curve.
 #[derive(Debug, Clone)]
 pub(super) struct Tone {
     pub gamma: f64,

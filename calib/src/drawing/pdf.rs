@@ -48,7 +48,7 @@ pub fn write(sheet: &Sheet, pages: &[Page]) -> Vec<u8> {
     pdf.finish()
 }
 
-/// What one page draws.
+/// Content stream of one page.
 fn content(sheet: &Sheet, page: &Page) -> Vec<u8> {
     let mut out = Content::new();
     let scale = PT_PER_MM as f32;

@@ -47,7 +47,7 @@ fn hexagons() -> Target {
     }
 }
 
-/// What is in a DXF, by an own reader of group codes.
+/// Entities of a DXF, by an own reader of group codes.
 fn read_dxf(text: &str) -> Vec<(String, String, Vec<[f64; 2]>, f64)> {
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len() % 2, 0, "code and value in pairs");

@@ -46,14 +46,14 @@ impl Paper {
     }
 }
 
-/// How a sheet goes on paper.
+/// Paper, margin and overlap of a sheet's pages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tiling {
     /// The paper.
     pub paper: Paper,
-    /// What stays white around \[mm\]; holds the cut marks.
+    /// Margin that stays white all around \[mm\]; holds the cut marks.
     pub margin_mm: f64,
-    /// How far the drawing goes on beyond the cuts to the right and below \[mm\].
+    /// Length by which the drawing goes on beyond the cuts to the right and below \[mm\].
     pub overlap_mm: f64,
 }
 
@@ -67,7 +67,7 @@ pub const MOST_PAGES: usize = 200;
 
 /// A tiling that cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum TileError {
     #[error("a margin of {mm} mm: {low} to {high} mm is possible (the cut marks stand in it), e.g. 10", low = MARGIN_MM[0], high = MARGIN_MM[1])]
     Margin { mm: f64 },
@@ -108,9 +108,9 @@ pub struct Page {
     pub size_mm: [f64; 2],
     /// Row from the top and column from the left, from 1.
     pub place: [usize; 2],
-    /// What lies between the cuts, on the sheet.
+    /// Part of the sheet between the cuts.
     pub cell: Window,
-    /// What of the sheet is drawn.
+    /// Part of the sheet that is drawn.
     pub drawn: Window,
     /// From the sheet to the page \[mm\].
     pub shift_mm: [f64; 2],
@@ -175,7 +175,7 @@ pub fn pages(sheet: &Sheet, tiling: &Tiling) -> Result<Vec<Page>, TileError> {
         .collect())
 }
 
-/// What is made: the extent of all but notes; the whole sheet where there is nothing else.
+/// Extent of the part to be made, without notes; the whole sheet where there is nothing else.
 fn part(sheet: &Sheet) -> Window {
     let mut all = Window {
         low_mm: [f64::INFINITY; 2],

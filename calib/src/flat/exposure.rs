@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1.0 / 12.0;
 /// Frames of a scene at one exposure time.
 #[derive(Debug, Clone)]
 pub struct Exposure {
-    /// What it is called in messages.
+    /// Name in messages.
     pub name: String,
     /// Exposure time \[s\].
     pub time_s: f64,
@@ -154,7 +154,7 @@ impl Exposure {
     }
 }
 
-/// What a series must have before anything is computed.
+/// Checks the series before anything is computed: numbers of exposures and frames, and sizes of the images.
 pub(super) fn check(
     exposures: &[&Exposure],
     dark: Option<&Exposure>,
@@ -193,9 +193,7 @@ pub(super) fn check(
 /// A block under one exposure.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
-    /// Mean level.
     pub mean: f64,
-    /// Variance of that.
     pub variance: f64,
     /// Mean variance of a pixel in one frame.
     pub noise: f64,

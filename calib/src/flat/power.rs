@@ -16,7 +16,6 @@ const SCATTER_USUAL: f64 = 0.02;
 /// Powers of cameras.
 const GAMMAS: [f64; 2] = [0.2, 5.0];
 
-/// γ and b.
 #[derive(Debug, Clone)]
 pub(super) struct Power {
     /// γ, b.
@@ -103,7 +102,7 @@ pub(super) fn fit(
         covariance += (inner + apart * apart.transpose()) * (weight(*ln) / sum);
     }
     let off_times = off_times(&others, reference, found, mean[0], &over);
-    // What is usual beforehand is not to hide what is not.
+    // By likelihood alone: the prior of a usual scatter is not to hide an unusual one.
     let likeliest = all
         .iter()
         .max_by(|a, b| a.1.total_cmp(&b.1))

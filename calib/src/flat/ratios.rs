@@ -116,7 +116,6 @@ struct Equations {
     blocks: usize,
 }
 
-/// Knots over the levels.
 #[derive(Debug, Clone, Copy)]
 struct Knots {
     levels: [f64; 2],
@@ -244,7 +243,7 @@ pub(super) fn fit(
             let off = curve.ln_ratio[reference];
             curve.ln_ratio.iter_mut().for_each(|a| *a -= off);
             if let Err(error) = enough(&seen, options) {
-                // What was seen at first is lost where the levels lead to no curve at all.
+                // Enough was seen at first and is lost: the levels lead to no curve at all.
                 return Err(changed.map_or(error, |share| FlatError::Moved {
                     share,
                     most: options.moved_most_share,
@@ -365,7 +364,6 @@ fn begin(field: &Field, ln_times: &[f64], ends: [f64; 2], options: &Options) -> 
     best.1
 }
 
-/// Slope of a series over another.
 fn slope(x: &[f64], y: &[f64]) -> f64 {
     let n = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
@@ -404,7 +402,7 @@ fn widened(
     let (_, _, gain) = of_size(to, 1.0).ok_or(FlatError::Undetermined)?;
     let free = all.cells as f64 - all.blocks as f64 - own as f64 - (KNOTS as f64 - FREE_OF_KNOTS);
     let chi2 = (all.chi2 - gain) / free.max(1.0);
-    // What another curve explains is the camera's; what none does, the scene's.
+    // Misfit that another curve explains is the camera's; misfit that none explains, the scene's.
     if chi2 > CHANGED && gain < EXPLAINED * all.chi2 {
         let off = all.of_blocks.iter().filter(|chi2| **chi2 > CHANGED).count();
         return Err(FlatError::Moved {

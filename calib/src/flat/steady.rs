@@ -18,22 +18,20 @@ const LIT_BLOCKS: usize = 20;
 /// Frames that differ in brightness by this are worth a word.
 const FLICKER_SAID: f64 = 0.005;
 
-/// What is not steady.
+/// Unsteadiness of an exposure's frames.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum Unsteady {
-    /// Brightness goes one way.
     #[error(
         "its frames change by {:+.1} % in brightness from first to last: auto exposure or auto gain is on, or a lamp warms up. Set the camera's controls to manual, wait, and record again",
         100.0 * .0
     )]
     Drifts(f64),
-    /// Brightness goes up and down: sd.
     #[error(
         "its frames differ by {:.0} % in brightness: the light flickers. Use daylight or a lamp on direct current, or exposure times that are multiples of half the mains' period (10 ms at 50 Hz)",
         100.0 * .0
     )]
     Flickers(f64),
-    /// Share of the picture that moves.
     #[error(
         "{:.0} % of the picture moves while it is recorded. Fix the camera, keep people and water still, and record again",
         100.0 * .0
@@ -82,7 +80,7 @@ fn of_one(
             sum / frames as f64
         })
         .collect();
-    // What is as dark as the darkest has no brightness to compare.
+    // Blocks as dark as the darkest have no brightness to compare.
     let lowest = exposure.histogram.iter().position(|n| *n > 0).unwrap_or(0) as f64;
     let lit: Vec<f64> = means
         .iter()
@@ -149,7 +147,7 @@ fn of_one(
     })
 }
 
-/// What a series gains from first to last along a straight line, and its correlation with time.
+/// Gain of a series from first to last along a straight line, and its correlation with time.
 fn line(series: &[f64]) -> (f64, f64) {
     let n = series.len() as f64;
     let mean = series.iter().sum::<f64>() / n;

@@ -85,7 +85,7 @@ fn scene(rng: &mut StdRng) -> Vec<f64> {
     (0..WIDTH * HEIGHT).map(at).collect()
 }
 
-/// What goes wrong while a series is recorded.
+/// Disturbances while a series is recorded.
 #[derive(Debug, Clone, Copy, Default)]
 struct Trouble {
     /// Share by which the lamp scatters from exposure to exposure.

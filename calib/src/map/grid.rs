@@ -12,7 +12,7 @@ use crate::plane::PlanePoint;
 use cells::Cells;
 use lines::Lines;
 
-/// Which reading.
+/// Reading of the method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GridKind {
@@ -58,7 +58,7 @@ enum Body {
     Cells(Cells),
 }
 
-/// What a file holds of a grid map: the nodes say everything.
+/// A grid map in a file: its nodes determine everything.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct GridParameters {
@@ -180,7 +180,7 @@ impl GridMap {
         })
     }
 
-    /// Which reading this is.
+    /// Reading of the method that this map is.
     pub fn kind(&self) -> GridKind {
         self.parameters.kind
     }

@@ -17,9 +17,9 @@ use crate::plane::{ImageSize, PlanePoint};
 use fitting::Pair;
 use lens::PARAMETERS;
 
-/// What the model leaves of a flat port's refraction, standard deviation \[px\]: 0.002 px rms on exact
+/// Refraction of a flat port that the model leaves, standard deviation \[px\]: 0.002 px rms on exact
 /// nodes of the study's rig, more behind a tilted port. It does not average out
-/// over nodes, so it stands beside the parameters' covariance.
+/// over nodes, so it is added to the parameters' covariance.
 const MODEL_SD_PX: f64 = 0.005;
 
 /// Fewest nodes: twice the parameters, so that residuals mean something.

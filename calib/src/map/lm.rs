@@ -7,11 +7,10 @@ use nalgebra::{DMatrix, DVector};
 
 /// Why a fit failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LmError {
     #[error("{residuals} residuals cannot fix {parameters} parameters; more nodes are needed")]
     Underdetermined { residuals: usize, parameters: usize },
-    /// The start already gives infinite or undefined residuals.
     #[error(
         "the model is not finite at the start of the fit; the nodes do not look like a board seen from outside its plane"
     )]
@@ -26,7 +25,7 @@ impl From<NotFinite> for LmError {
     }
 }
 
-/// What a fit found.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub struct LmFit {
     /// Parameters at the minimum.
@@ -45,7 +44,7 @@ pub struct LmFit {
 /// caller's priors are there to prevent them.
 const RANK: f64 = 1e-13;
 
-/// How the fits of this crate search.
+/// Options of the searches of this crate.
 ///
 /// Cameras and lenses have curved, weakly observable directions (a shifted centre looks like a decentred lens, a focal length like a
 /// distance): a rejected step was only a little too long, so damping rises slowly (4), and it falls fast (0.05)

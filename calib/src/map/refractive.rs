@@ -35,7 +35,7 @@ const STEPS: [f64; PARAMETERS] = [
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Known {
-    /// Value.
+    /// Expected value.
     pub value: f64,
     /// Standard deviation.
     pub sd: f64,
@@ -48,7 +48,7 @@ impl Known {
     }
 }
 
-/// What is known of camera, port and water before the fit.
+/// Prior knowledge of camera, port and water.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RefractivePrior {

@@ -156,7 +156,7 @@ pub fn flipped(pixels: &[u8], upside_down: bool) -> Vec<u8> {
     }
 }
 
-/// What a detection is worth.
+/// Accuracy of a detection.
 #[derive(Debug, Clone, Copy)]
 pub struct Worth {
     pub nodes: usize,

@@ -1,4 +1,4 @@
-//! What a camera in a tank sees when there is no board: nothing of it may become a node.
+//! Images of a tank without a board: nothing in them may become a node.
 
 use nalgebra::Matrix3;
 use rand::{RngExt, SeedableRng, rngs::StdRng};

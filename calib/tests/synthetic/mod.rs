@@ -38,7 +38,7 @@ pub struct LaserSheet {
     pub apex_m: f64,
 }
 
-/// What a camera makes of the light: levels run from `black` to `ceiling` as light^γ, between them nothing clips but
+/// Response of a camera to light: levels run from `black` to `ceiling` as light^γ, between them nothing clips but
 /// at the ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tone {

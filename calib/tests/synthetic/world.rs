@@ -15,7 +15,7 @@ struct World<'a> {
     scene: &'a Scene,
 }
 
-/// What a ray hit: solid (0 = the board itself), face axis and side, point (ξ, η, height).
+/// A ray's hit: solid (0 = the board itself), face axis and side, point (ξ, η, height).
 #[derive(Clone, Copy, PartialEq)]
 struct Hit {
     solid: usize,

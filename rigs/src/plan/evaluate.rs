@@ -1,4 +1,4 @@
-//! What a plan asks for at a time.
+//! Load that a plan asks for at a time.
 
 use std::f64::consts::TAU;
 

@@ -53,7 +53,7 @@ impl Wrench {
     }
 }
 
-/// What a step commands.
+/// Load that a step commands.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StepLoad {
     /// A body wrench, allocated over the thrusters.

@@ -22,7 +22,6 @@ const MOST_PROBLEMS: usize = 200;
 pub(crate) struct Document<'d> {
     pub(crate) file: &'d str,
     text: &'d str,
-    /// Offsets of the line ends.
     line_ends: Vec<usize>,
 }
 
@@ -113,7 +112,6 @@ impl Problems {
     }
 }
 
-/// A problem of the file as a whole.
 fn of_file(file: &str, what: String, next: &str) -> Problem {
     let next = next.to_owned();
     Problem {

@@ -12,7 +12,7 @@ pub(crate) struct Columns {
     /// Type, in words.
     pub(crate) kind: String,
     pub(crate) unit: &'static str,
-    /// What values it may have.
+    /// Allowed values.
     pub(crate) allowed: String,
 }
 
@@ -64,7 +64,7 @@ impl<V> Kind for One<V> {
 }
 
 impl<V> One<V> {
-    /// What to add when the key is missing.
+    /// Advice for a missing key: a line to add, or the expected content.
     fn to_add(&self, key: &str) -> String {
         match self.form {
             "" => self.expected.clone(),
@@ -139,7 +139,6 @@ impl Kind for Quantity {
     }
 }
 
-/// `N` numbers in the same range.
 pub(crate) fn numbers<const N: usize>(each: Quantity) -> One<[f64; N]> {
     let expected = format!("a list of {N} numbers, each {each}");
     ordered(
@@ -167,7 +166,6 @@ pub(crate) fn interval(each: Quantity, meaning: &'static str) -> One<[f64; 2]> {
     })
 }
 
-/// A list of numbers of any length.
 pub(crate) fn list(each: Quantity, expected: &'static str) -> One<Vec<f64>> {
     ordered(each, "numbers", "", expected, move |s, item| {
         let cells = s.elements(item, expected)?;
@@ -175,7 +173,6 @@ pub(crate) fn list(each: Quantity, expected: &'static str) -> One<Vec<f64>> {
     })
 }
 
-/// A list of lists of numbers.
 pub(crate) fn rows(each: Quantity, expected: &'static str) -> One<Vec<Vec<f64>>> {
     let row = list(each, expected);
     ordered(each, "rows of numbers", "", expected, move |s, item| {
@@ -221,7 +218,6 @@ pub(crate) fn whole<T: TryFrom<i64> + Display>(min: i64, max: i64, unit: &'stati
     }
 }
 
-/// `true` or `false`.
 pub(crate) fn flag() -> One<bool> {
     const EXPECTED: &str = "true or false";
     let read = |s: &Section<'_>, item: &Item<'_>| {
@@ -294,7 +290,6 @@ pub(crate) fn name() -> One<String> {
     )
 }
 
-/// Whether `text` may be a name.
 pub(crate) fn is_name(text: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     text.len() <= 64
@@ -309,7 +304,6 @@ pub(crate) struct Angle<V> {
     range_deg: Quantity,
 }
 
-/// One angle.
 pub(crate) const fn angle(range_deg: Quantity) -> Angle<f64> {
     Angle {
         of_range: Quantity::one,
@@ -318,7 +312,6 @@ pub(crate) const fn angle(range_deg: Quantity) -> Angle<f64> {
     }
 }
 
-/// `N` angles.
 pub(crate) const fn angles<const N: usize>(range_deg: Quantity) -> Angle<[f64; N]> {
     Angle {
         of_range: numbers,

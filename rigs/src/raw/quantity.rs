@@ -30,7 +30,7 @@ impl Quantity {
         self
     }
 
-    /// What to do when the value is refused.
+    /// Adds advice for a value that is refused.
     pub(crate) const fn hint(mut self, hint: &'static str) -> Self {
         self.hint = hint;
         self

@@ -68,7 +68,6 @@ impl<'d> Section<'d> {
         }
     }
 
-    /// The file's name.
     pub(crate) fn file(&self) -> &'d str {
         self.document.file
     }
@@ -267,7 +266,6 @@ impl<'d> Section<'d> {
         Some(self.child(item.path.clone(), Some(item.span.clone()), Some(table)))
     }
 
-    /// A number within its range.
     pub(crate) fn number_of(&self, item: &Item<'_>, allowed: &Quantity) -> Option<f64> {
         let Some(value) = as_f64(item.value) else {
             self.wrong_type(item, allowed.to_string());
@@ -288,7 +286,6 @@ impl<'d> Section<'d> {
         None
     }
 
-    /// `N` numbers in the same range.
     pub(crate) fn numbers_of<const N: usize>(
         &self,
         item: &Item<'d>,

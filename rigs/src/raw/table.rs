@@ -5,7 +5,7 @@ use super::{Described, Section, Writer};
 
 /// A table of a file, as [`table!`] makes it.
 pub(crate) trait Table: Sized {
-    /// What the table describes.
+    /// Description of the table: its doc comment.
     const ABOUT: &'static str;
     /// Reads its keys and checks what they say together; `None` = reported.
     fn read_keys(s: &Section<'_>) -> Option<Self>;
@@ -22,16 +22,15 @@ pub(crate) trait Table: Sized {
     }
 }
 
-/// What a row says of its key: how it is read, written and described.
+/// Kind of a key: reading, writing and description of its value.
 pub(crate) trait Kind: Sized {
-    /// What it is once read.
+    /// Type of the value that is read.
     type Value;
 
     /// The value as typed; `Some(None)` = left out, `None` = reported.
     fn typed(&self, s: &Section<'_>, key: &str) -> Option<Option<Self::Value>>;
-    /// What a key that was left out means; `None` = reported.
+    /// Value of a key that was left out; `None` = reported.
     fn left_out(&self, s: &Section<'_>, key: &str) -> Option<Self::Value>;
-    /// Writes key and value.
     fn write(&self, w: &mut Writer, key: &str, value: &Self::Value);
     /// Adds the key, as one that must be there, to its table's description.
     fn describe(&self, to: &mut Described<'_>, key: &str, about: &'static str);
@@ -116,7 +115,7 @@ impl<K: Kind> Kind for Optional<K> {
     }
 }
 
-/// What a key that was left out becomes.
+/// Meaning of a key that was left out.
 enum LeftOut<V> {
     /// This value, which need not be written.
     Is { value: V, quiet: bool },
@@ -130,7 +129,7 @@ enum LeftOut<V> {
 pub(crate) struct Or<K: Kind> {
     kind: K,
     left_out: LeftOut<K::Value>,
-    /// What the reference calls the default; `None` = nothing is assumed.
+    /// Default as the reference prints it; `None` = nothing is assumed.
     said: Option<String>,
 }
 
@@ -186,7 +185,7 @@ pub(crate) fn kind_of<V, K: Kind<Value = V>>(kind: K) -> K {
 ///
 /// ```text
 /// table! {
-///     /// What the table describes; of further paragraphs the reference says nothing.
+///     /// Description of the table; the reference omits further paragraphs.
 ///     pub struct Tank: Copy as TankTyped, checked by start_in_water {
 ///         /// Depth of the water.                                    a key, and a field of the same name
 ///         pub depth_m: f64 = number(0.0, 200.0, "m").above(),

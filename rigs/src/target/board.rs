@@ -7,14 +7,14 @@ const fn size() -> Quantity {
 }
 
 shapes! {
-    /// What marks its nodes: crossings of lines, centres of dots, or corners of a chessboard.
+    /// Marks at its nodes: crossings of lines, centres of dots, or corners of a chessboard.
     pub enum BoardPattern: Copy by "pattern" {
         /// Grid lines.
         Lines = "lines" {
             /// Width of the lines; of `pattern = "lines"`. Less than `pitch_m`.
             line_m: f64 = size(),
         },
-        /// Dots.
+        /// Round dots.
         Dots = "dots" {
             /// Diameter of the dots; of `pattern = "dots"`. Less than `pitch_m`.
             diameter_m: f64 = size(),
@@ -31,7 +31,7 @@ table! {
         pub centre_m: [f64; 2] = numbers(number(-20.0, 20.0, "m")),
         /// Its width and height on the board.
         pub size_m: [f64; 2] = numbers(size()),
-        /// How far it stands out from the board.
+        /// Height above the face of the board.
         pub height_m: f64 = number(0.0, 1.0, "m").above(),
     }
 }

@@ -5,7 +5,7 @@ use crate::raw::{One, Quantity, ordered};
 /// Corners a polygon may have: the check for crossings looks at every pair of sides.
 const MOST_CORNERS: usize = 1000;
 
-/// What the list must be.
+/// Expected form of the list of corners, for messages.
 const CORNERS: &str = "a list of 3 to 1000 corners [x, y] in m";
 
 /// Corners in order round an outline, each coordinate in the range.

@@ -51,7 +51,7 @@ impl ThrustCurve {
     }
 }
 
-/// What the list must be.
+/// Expected form of the list of points, for messages.
 const POINTS: &str = "a list of at least two points [pulse_us, thrust_n]";
 
 /// The points of a curve, as a list of pairs.
@@ -105,7 +105,7 @@ fn point<'d>(s: &Section<'d>, element: &Item<'d>) -> Option<(f64, f64)> {
     pulse_us.zip(s.number_of(thrust, &number(-1e4, 1e4, "N")))
 }
 
-/// What is wrong between a point and the next.
+/// Fault between a point and the next, with its cure; `None` = sound.
 fn falls([p0, t0]: [f64; 2], [p, t]: [f64; 2]) -> Option<(String, &'static str)> {
     if p <= p0 {
         Some((

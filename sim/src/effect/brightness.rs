@@ -1,8 +1,8 @@
-//! What laws of light and camera make of brightness: nothing in here moves the stripe.
+//! Brightness as laws of light and camera change it: nothing in here moves the stripe.
 
 use crate::real::Real;
 
-/// How the light of scene and room becomes grey levels; each field's neutral value is that of [`Brightness::new`].
+/// Path of the light of scene and room to grey levels; each field's neutral value is that of [`Brightness::new`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Brightness<T = f64> {
     /// Share of the laser's light that the ends of its fan lack.
@@ -23,7 +23,7 @@ pub struct Brightness<T = f64> {
     pub banding_phase_rad: T,
     /// Exponent of the tone curve.
     pub gamma: T,
-    /// What 0 and 255 become: all levels are squeezed between them.
+    /// Levels that 0 and 255 become: all levels are squeezed between them.
     pub scaled_grey: [T; 2],
     /// Least and greatest grey level: others are cut off there.
     pub clipped_grey: [T; 2],

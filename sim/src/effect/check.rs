@@ -11,7 +11,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry};
 /// A law of which only the mechanism is known: friction that grows near rest, a lag that is another one at another load.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trend {
-    /// Which of the effect's numbers.
+    /// Index of the number among the effect's.
     pub parameter: usize,
     /// Its value where the effect is not there: that stays, whatever the share.
     pub nothing: f64,
@@ -34,7 +34,7 @@ pub struct CheckedEffect {
     pub words: Vec<usize>,
     /// One of its numbers depends on where the motion is.
     pub trend: Option<Trend>,
-    /// What is unusual, e.g. a number outside of its plausible range.
+    /// Notes on unusual values, e.g. a number outside of its plausible range.
     pub notes: Vec<String>,
 }
 

@@ -47,7 +47,7 @@ mod tests {
         for w in [&mut fast, &mut plain] {
             drive(w, 4.0);
         }
-        // What is stamped 3 (1 + 0.002) s was at 3 s.
+        // A pose stamped 3 (1 + 0.002) s was true at 3 s.
         let was = plain.state_at(3.0).unwrap().eta;
         let seen = fast.pose_reported(3.006).unwrap().to_array();
         for (a, b) in seen.iter().zip(was) {

@@ -15,7 +15,7 @@ pub const COVARIATES: &[&str] = &[
 /// Points of a table.
 pub const POINTS: usize = 40;
 
-/// What a covariate is at a moment; `dof` = whose load.
+/// Value of a covariate at a moment; `dof` = whose load.
 pub(super) fn covariate<T: Real>(m: &Moment<'_, T>, covariate: usize, dof: usize) -> T {
     match covariate {
         0..6 => m.eta[covariate],

@@ -1,110 +1,71 @@
-//! What can be wrong with a `[[physics]]` entry.
+//! Errors of a `[[physics]]` entry.
 
 use std::fmt::Write;
 
 /// A `[[physics]]` entry that cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum EffectError {
-    /// No effect of this name.
     #[error("[[physics]] effect = \"{effect}\": no such effect{}; known: {}", suggest(.nearest), .known.join(", "))]
     UnknownEffect {
-        /// As typed.
         effect: String,
         /// Closest id, if one is close.
         nearest: Option<&'static str>,
-        /// All ids.
         known: Vec<&'static str>,
     },
-    /// The effect has no such parameter.
     #[error("[[physics]] {effect}: no parameter \"{parameter}\"{}; it takes: {}", suggest(.nearest), .known.join(", "))]
     UnknownParameter {
-        /// Effect.
         effect: &'static str,
-        /// As typed.
         parameter: String,
         /// Closest name, if one is close.
         nearest: Option<&'static str>,
-        /// All names.
         known: Vec<&'static str>,
     },
-    /// A parameter that must be given is not.
     #[error("[[physics]] {effect}: \"{parameter}\" [{unit}] is missing; typically {low} to {high}")]
     Missing {
-        /// Effect.
         effect: &'static str,
-        /// Parameter.
         parameter: &'static str,
-        /// Unit.
         unit: &'static str,
-        /// Plausible range.
         low: f64,
-        /// Plausible range.
         high: f64,
     },
-    /// A word that must be given is not.
     #[error("[[physics]] {effect}: \"{parameter}\" is missing; one of: {}", .allowed.join(", "))]
     MissingWord {
-        /// Effect.
         effect: &'static str,
-        /// Parameter.
         parameter: &'static str,
-        /// Words allowed.
         allowed: &'static [&'static str],
     },
-    /// A number beyond the hard limits, or not finite.
     #[error("[[physics]] {effect}: {parameter} = {value} {unit}; it must lie in {low} .. {high}")]
     OutOfLimits {
-        /// Effect.
         effect: &'static str,
-        /// Parameter.
         parameter: &'static str,
-        /// As typed.
         value: f64,
-        /// Unit.
         unit: &'static str,
-        /// Hard limit.
         low: f64,
-        /// Hard limit.
         high: f64,
     },
-    /// A number where a word belongs, or the other way round.
     #[error("[[physics]] {effect}: {parameter} must be {expected}, not {found}")]
     WrongKind {
-        /// Effect.
         effect: &'static str,
-        /// Parameter.
         parameter: &'static str,
-        /// What belongs there.
         expected: String,
-        /// As typed.
         found: String,
     },
-    /// A parameter given twice.
     #[error("[[physics]] {effect}: {parameter} is given twice; keep one")]
     Repeated {
-        /// Effect.
         effect: &'static str,
-        /// Parameter.
         parameter: &'static str,
     },
-    /// The same effect twice with the same words.
     #[error("[[physics]] {effect} is switched on twice for the same {}; keep one entry", list(.words))]
     Duplicate {
-        /// Effect.
         effect: &'static str,
         /// Its words, e.g. `dof = surge`.
         words: Vec<String>,
     },
-    /// More own states than a state vector holds.
     #[error(
         "the [[physics]] entries need {needed} states of their own, at most {limit} fit; switch some off"
     )]
-    TooManyStates {
-        /// Needed.
-        needed: usize,
-        /// Available.
-        limit: usize,
-    },
+    TooManyStates { needed: usize, limit: usize },
 }
 
 fn suggest(nearest: &Option<&'static str>) -> String {

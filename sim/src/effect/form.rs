@@ -35,21 +35,21 @@ pub const NUMBERS: usize = 3;
 /// Of a power its least argument over the width: below one the slope has no bound at 0.
 const NEAR: f64 = 1e-3;
 
-/// What of the covariate a form is a function of.
+/// Parity of a form in its covariate c.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parity {
-    /// c.
+    /// Function of c.
     Plain,
-    /// |c|.
+    /// Function of |c|.
     Even,
-    /// |c|, with the sign of c.
+    /// Function of |c|, with the sign of c.
     Odd,
 }
 
-/// What function it is.
+/// Function of the argument s, with force a, place b and width w.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// a.
+    /// Constant a.
     Constant,
     /// a (s / w)^b.
     Power,
@@ -67,7 +67,7 @@ pub enum Shape {
     Saturation,
     /// a exp(-(s - b) / w).
     Decay,
-    /// 0.
+    /// Zero everywhere.
     None,
 }
 

@@ -1,4 +1,4 @@
-//! What is known about an effect apart from its code.
+//! Description of an effect apart from its code.
 
 /// Where in the chain from command to measurement an effect acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -32,9 +32,9 @@ pub struct ParameterInfo {
     pub name: &'static str,
     /// Unit, in the words of theory/priors.md, vehicles of another size: by it the plausible range follows the vehicle's size.
     pub unit: &'static str,
-    /// What it is.
+    /// Meaning, in a few words.
     pub meaning: &'static str,
-    /// What a tank run may show: a prior. Outside of it is allowed, with a note. A range of one sign over a ratio of 4 and more
+    /// Range that a tank run may show: a prior. Beyond it is allowed, with a note. A range of one sign over a ratio of 4 and more
     /// is searched by its logarithm: the other sign is never looked for, though `limits` may allow it in a rig file. Where
     /// either sign may occur the range spans 0.
     pub plausible: (f64, f64),
@@ -100,7 +100,7 @@ impl ParameterInfo {
 pub struct WordInfo {
     /// Name in rig files.
     pub name: &'static str,
-    /// What it says.
+    /// Meaning, in a few words.
     pub meaning: &'static str,
     /// Words it accepts.
     pub allowed: &'static [&'static str],
@@ -119,9 +119,9 @@ pub struct EffectInfo {
     pub stage: Stage,
     /// Order within the stage, ascending; no two of a stage share one (a test names the next free one).
     pub order: u16,
-    /// Numbers.
+    /// Parameters that are numbers.
     pub parameters: &'static [ParameterInfo],
-    /// Words.
+    /// Parameters that are words.
     pub words: &'static [WordInfo],
     /// Ids it can be mistaken for; one of the two files says it ([`EffectInfo::confusable_with`] holds both ways).
     pub confusable: &'static [&'static str],

@@ -5,7 +5,7 @@ use crate::given::COMPANIONS;
 use crate::real::Real;
 use crate::vehicle::Hydrodynamics;
 
-/// What a law may look at while the motion is integrated. References: with derivatives each array is a kilobyte.
+/// State that a law may look at while the motion is integrated. References: with derivatives each array is a kilobyte.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a, T> {
     /// Time since the log's first stamp, on the commands' clock \[s\].
@@ -26,7 +26,7 @@ pub struct Moment<'a, T> {
     pub mass: &'a [T; 6],
     /// The vehicle's own coefficients.
     pub hydrodynamics: &'a Hydrodynamics<T>,
-    /// What was measured beside the motion (see [`crate::given`]); `None` = nothing was.
+    /// Companions measured beside the motion (see [`crate::given`]); `None` = there are none.
     pub companions: Option<&'a [T; COMPANIONS]>,
 }
 

@@ -54,7 +54,7 @@ pub struct Optics<T = f64> {
     pub speckle_grain_px: T,
     /// Attenuation of laser light in the water \[1/m\].
     pub attenuation_pm: T,
-    /// What else changes brightness alone.
+    /// Parameters that change brightness alone.
     pub brightness: Brightness<T>,
 }
 

@@ -166,7 +166,7 @@ impl<T: Real> EffectStack<T> {
         })
     }
 
-    /// What is unusual about the parameters, one line each.
+    /// Notes on unusual parameters, one line each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -278,7 +278,7 @@ impl<T: Real> EffectStack<T> {
         pose
     }
 
-    /// What an instrument reports of the scene pose.
+    /// The scene pose as an instrument reports it.
     pub fn reported_pose(&self, t_s: T, mut pose: [T; 6]) -> [T; 6] {
         for e in self.stage(Stage::Measurement) {
             e.law.reported_pose(t_s, &mut pose);

@@ -333,7 +333,7 @@ fn every_image_level_effect_changes_the_image() {
         let renderer = crate::Renderer::new(&rig).unwrap();
         let poses = world.frame_poses(3.0, renderer.height_px()).unwrap();
         let image = renderer.render_frame(&poses, 0).0;
-        (image, renderer.profile_truth_frame(&poses))
+        (image, renderer.profile_truth(&poses))
     };
     let (plain, line) = picture(None);
     // These change how bright the stripe is, not where.

@@ -7,7 +7,7 @@ use super::covariate_table::{COVARIATES, POINTS};
 use super::{EffectError, EffectInfo, Trend};
 use hydroline_rigs::ParameterValue;
 
-/// What a key says of a trend.
+/// Part of a trend that a key gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Key {
     Along,
@@ -137,7 +137,6 @@ impl Typed {
     }
 }
 
-/// The keys of a trend.
 pub(super) fn keys(info: &EffectInfo, trend: &Trend) -> Vec<(String, ParameterValue)> {
     let Some(p) = info.parameters.get(trend.parameter) else {
         return Vec::new();

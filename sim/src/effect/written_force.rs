@@ -12,7 +12,7 @@ pub const PIECES: usize = 2;
 /// Place of the rate at which a factor is one, behind the pieces' numbers.
 pub const TIMES_AT: usize = PIECES * NUMBERS;
 
-/// What the sum is multiplied by: nothing, or a rate or its size over one, or its sign.
+/// Factors of the sum: one, a rate or its size over that at which the factor is one, or its sign.
 pub const TIMES: &[&str] = &[
     "one", "u", "v", "w", "p", "q", "r", "abs_u", "abs_v", "abs_w", "abs_p", "abs_q", "abs_r",
     "sign_u", "sign_v", "sign_w", "sign_p", "sign_q", "sign_r",

@@ -8,7 +8,7 @@ use crate::effect::{Brightness, Optics};
 use hydroline_rigs::Camera;
 use std::f64::consts::TAU;
 
-/// What happens to one camera's light, as the effects in force have it: the renderer applies it, and the diagnosis predicts with it.
+/// One camera's light on its way to grey levels, with the effects in force: for the renderer and the diagnosis's predictions.
 #[derive(Debug, Clone)]
 pub struct Exposure {
     law: Brightness,
@@ -22,7 +22,7 @@ pub struct Exposure {
     rate_fps: f64,
 }
 
-/// What all pixels of a row have in common.
+/// Light that all pixels of a row have in common.
 #[derive(Debug, Clone, Copy)]
 pub struct RowLight {
     /// Background but for its rise over the columns \[grey levels\].

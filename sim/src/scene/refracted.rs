@@ -19,7 +19,6 @@ pub(super) struct RefractedView {
     straight: View,
 }
 
-/// A ray in the water.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RefractedRay {
     origin: Vector3<f64>,

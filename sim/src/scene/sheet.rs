@@ -7,7 +7,7 @@ use crate::effect::Optics;
 /// Beyond this many sigma from the sheet there is no light (of 200 grey levels 0.008 are left).
 pub(super) const CUT_SIGMA: f64 = 4.5;
 
-/// What kind of thing a ray ended at; pixels whose rays disagree are edges.
+/// Code of a ray's end: a surface, lit or hidden, or nothing; pixels whose rays disagree are edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Code(pub u8);
 
@@ -78,7 +78,7 @@ pub(super) struct Light<'a, S> {
 /// Laser light of this many grey levels and less is left away, as [`CUT_SIGMA`] does.
 const CUT_GREY: f64 = 0.01;
 
-/// How far forward of the sheet there is light \[m\].
+/// Distance forward of the sheet up to which there is light \[m\].
 pub(super) fn far_m(optics: &Optics) -> f64 {
     let fades = (optics.haze_fraction * optics.peak / CUT_GREY).ln() * optics.haze_length_m;
     // Without haze ln(0): `max` takes the sheet's own reach.
@@ -124,7 +124,7 @@ impl<'a, S: Sight> Light<'a, S> {
             .is_none_or(|hit| hit.t >= 1.0 - 1e-9)
     }
 
-    /// What the ray of (column u, row v) sees: the lit surface, or why it is dark, and the grey level of laser light.
+    /// View along the ray of (column u, row v): the lit surface, or why it is dark, and the grey level of laser light.
     ///
     /// Only heights at which the ray meets the sheet can be lit; usually that is one or none, so visibility is
     /// asked for that one alone. Vertical faces occlude but are not lit (theory/geometry.md, laser).

@@ -6,7 +6,7 @@ use hydroline_rigs::{Slab, SlabOutline, Target};
 /// Slabs a target may have: their ids share a byte with the flags of the rasteriser.
 pub(super) const SLABS_MAX: usize = 100;
 
-/// What a stripe point lies on.
+/// Surface that a stripe point lies on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Surface {
     /// The tank floor.
@@ -20,7 +20,6 @@ pub enum Surface {
 pub(super) struct Hit {
     /// Along the ray.
     pub t: f64,
-    /// Which surface.
     pub surface: Surface,
     /// A vertical face of it instead of its top.
     pub face: bool,
@@ -51,7 +50,6 @@ enum Inside {
     Polygon(Vec<[f64; 2]>),
 }
 
-/// One prism.
 #[derive(Debug, Clone)]
 pub(super) struct Prism {
     pub top_m: f64,

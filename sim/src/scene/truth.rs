@@ -35,14 +35,8 @@ impl Renderer {
     /// The stripe's centre line for every column, columns ascending, rows ascending within one.
     ///
     /// A column may hold no point (outside the fan, hidden) or several (both sides of a step are seen).
-    pub fn profile_truth(&self, pose: &Pose6) -> Vec<ColumnTruth> {
-        self.profile_truth_frame(&FramePoses::from(*pose))
-    }
-
-    /// As [`Renderer::profile_truth`] for a frame whose rows may show different times.
-    ///
     /// Interlaced: the mean of both fields, which is where the centre of both together lies.
-    pub fn profile_truth_frame(&self, poses: &FramePoses) -> Vec<ColumnTruth> {
+    pub fn profile_truth(&self, poses: &FramePoses) -> Vec<ColumnTruth> {
         if self.is_straight() {
             self.profile_by(poses, |pose| self.view(pose))
         } else {

@@ -10,7 +10,7 @@ const SPAN_TOLERANCE: f64 = 1e-6;
 /// A thruster asked for more than its curve has.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saturation {
-    /// Thruster.
+    /// Name of the thruster.
     pub thruster: String,
     /// Thrust asked \[N\].
     pub asked_n: f64,

@@ -91,7 +91,7 @@ fn a_folder_tells_its_images_from_what_else_is_there() {
         words.contains("1.png") && words.contains("--rate-hz"),
         "{words}"
     );
-    // What is no image is a frame that does not decode.
+    // A file that is no image is a frame that does not decode.
     let frames: Vec<Frame> = folder
         .frames(Some(5.0))
         .unwrap()

@@ -14,7 +14,7 @@ fn run(account: &mut Account, frames: impl IntoIterator<Item = (u32, f64)>) -> V
     all
 }
 
-/// What the frames of a log say was lost, corrected by the notes: has to be the account after every frame.
+/// Losses marked on the frames of a log, corrected by the notes: their sum has to be the account after every frame.
 struct Marks(i128, u32);
 
 impl Marks {
@@ -472,7 +472,7 @@ proptest! {
             // The first second runs without losses: one frame does not show a rate.
             let steady = received >= 25;
             if i == pause_at && steady {
-                // What was lost just before a pause cannot be distinguished from the pause.
+                // Losses just before a pause cannot be distinguished from the pause.
                 // A pause is exact while it is no longer than the stretch that measured the period.
                 let pause_periods = pause_periods.min(received as u32);
                 lost_pause += u64::from(pause_periods) + std::mem::take(&mut host) + std::mem::take(&mut device);

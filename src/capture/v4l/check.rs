@@ -11,7 +11,7 @@ pub fn is_void(info: &BufferInfo) -> bool {
     info.flags & flags::ERROR != 0 && info.bytes_used == 0 && info.stamp_ns == 0
 }
 
-/// What is wrong with this frame, the gravest first.
+/// Gravest fault of this frame; `None` = sound.
 pub fn fault(
     kind: PixelFormat,
     format: &PixFormat,

@@ -10,7 +10,7 @@ use hydroline_rigs::CameraControl;
 use super::device::{ControlInfo, Errno, V4lDevice};
 use crate::{CaptureError, ControlReading};
 
-/// V4L2_CTRL_FLAG_NEXT_CTRL
+/// Asks for the next control when added to an id (V4L2_CTRL_FLAG_NEXT_CTRL).
 const NEXT: u32 = 0x8000_0000;
 const DISABLED: u32 = 0x1;
 const READ_ONLY: u32 = 0x4;

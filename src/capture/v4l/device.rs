@@ -1,4 +1,4 @@
-//! What the adapter needs from the kernel, as a trait: the real one is [`super::kernel`], the tests' one lives in memory.
+//! Calls to the kernel that the adapter needs: the real one is [`super::kernel`], the tests' one lives in memory.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ impl std::fmt::Display for Errno {
     }
 }
 
-/// QUERYCAP.
+/// Answer to QUERYCAP.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Capability {
     /// Driver name.
@@ -66,9 +66,9 @@ pub struct ControlInfo {
     pub min: i64,
     /// Largest value.
     pub max: i64,
-    /// Step.
+    /// Step between values.
     pub step: u64,
-    /// Default.
+    /// Default value.
     pub default: i64,
     /// V4L2_CTRL_FLAG_*.
     pub flags: u32,
@@ -77,7 +77,7 @@ pub struct ControlInfo {
 /// A dequeued buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BufferInfo {
-    /// Index.
+    /// Index of the buffer.
     pub index: u32,
     /// Bytes in it.
     pub bytes_used: u32,
@@ -130,9 +130,9 @@ impl std::fmt::Display for OfferedSize {
 
 /// An opened V4L2 capture node.
 pub trait V4lDevice: Send {
-    /// VIDIOC_QUERYCAP.
+    /// Capability of the node (VIDIOC_QUERYCAP).
     fn capability(&mut self) -> Result<Capability, Errno>;
-    /// VIDIOC_G_FMT.
+    /// Current format (VIDIOC_G_FMT).
     fn format(&mut self) -> Result<PixFormat, Errno>;
     /// VIDIOC_S_FMT; returns what the driver made of it.
     fn set_format(&mut self, format: &PixFormat) -> Result<PixFormat, Errno>;
@@ -148,13 +148,13 @@ pub trait V4lDevice: Send {
     fn set_control(&mut self, id: u32, value: i64) -> Result<(), Errno>;
     /// VIDIOC_REQBUFS and mmap; returns how many there are. 0 gives all back.
     fn request_buffers(&mut self, count: u32) -> Result<u32, Errno>;
-    /// VIDIOC_QBUF.
+    /// Gives a buffer to the driver (VIDIOC_QBUF).
     fn enqueue(&mut self, index: u32) -> Result<(), Errno>;
-    /// VIDIOC_DQBUF.
+    /// Takes a filled buffer from the driver (VIDIOC_DQBUF).
     fn dequeue(&mut self) -> Result<BufferInfo, Errno>;
-    /// VIDIOC_STREAMON.
+    /// Starts the stream (VIDIOC_STREAMON).
     fn stream_on(&mut self) -> Result<(), Errno>;
-    /// VIDIOC_STREAMOFF.
+    /// Stops the stream (VIDIOC_STREAMOFF).
     fn stream_off(&mut self) -> Result<(), Errno>;
     /// poll(2) for POLLIN; `true` = something (a frame, an error) waits.
     fn poll(&mut self, wait: Duration) -> Result<bool, Errno>;
@@ -179,6 +179,6 @@ pub trait V4lSystem: Send {
 /// No node has the identity.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NotFound {
-    /// What there is, for a person.
+    /// Devices that are present, in words.
     pub present: String,
 }

@@ -8,13 +8,13 @@ use super::controls;
 use super::device::{Capability, Errno, OfferedSize, PixFormat, V4lDevice, V4lSystem};
 use crate::{CaptureError, ControlReading, NegotiatedFormat};
 
-/// V4L2_CAP_VIDEO_CAPTURE
+/// Capability to capture video (V4L2_CAP_VIDEO_CAPTURE).
 pub const CAP_CAPTURE: u32 = 0x1;
-/// V4L2_CAP_VIDEO_CAPTURE_MPLANE
+/// Capability to capture video in several planes (V4L2_CAP_VIDEO_CAPTURE_MPLANE).
 pub const CAP_CAPTURE_MPLANE: u32 = 0x1000;
-/// V4L2_CAP_VIDEO_OUTPUT
+/// Capability to output video (V4L2_CAP_VIDEO_OUTPUT).
 pub const CAP_OUTPUT: u32 = 0x2;
-/// V4L2_CAP_STREAMING
+/// Capability to stream buffers (V4L2_CAP_STREAMING).
 pub const CAP_STREAMING: u32 = 0x0400_0000;
 
 /// Buffers in the queue: at 25 frames/s a third of a second of our own delays.
@@ -25,7 +25,7 @@ const SAME_RATE: f64 = 1e-3;
 /// A camera that is ready to stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setup {
-    /// QUERYCAP.
+    /// Answer to QUERYCAP.
     pub capability: Capability,
     /// As read back.
     pub format: PixFormat,
@@ -33,7 +33,7 @@ pub struct Setup {
     pub rate_fps: f64,
     /// The rig's controls, as read back.
     pub controls: Vec<ControlReading>,
-    /// Buffers.
+    /// Number of buffers in the driver's queue.
     pub buffers: u32,
 }
 

@@ -17,7 +17,7 @@ pub mod flags {
     pub const ERROR: u32 = 0x40;
     /// Clock of the stamp.
     pub const CLOCK_MASK: u32 = 0xe000;
-    /// CLOCK_MONOTONIC.
+    /// Stamp on CLOCK_MONOTONIC.
     pub const MONOTONIC: u32 = 0x2000;
     /// Copied from an output buffer.
     pub const COPY: u32 = 0x4000;
@@ -34,7 +34,7 @@ const OLDEST_NS: i64 = 60_000_000_000;
 /// Beyond this a stamp counts as lying in the future: clock reads are not that far apart \[ns\].
 const FUTURE_NS: i64 = 2_000_000;
 
-/// What is odd about a stamp.
+/// Oddity of a stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trouble {
     /// Its clock is not declared; taken for CLOCK_MONOTONIC because it is near.
@@ -56,7 +56,7 @@ pub struct Placed {
     pub monotonic_ns: u64,
     /// Mid-exposure, UNIX \[ns\].
     pub mid_exposure_ns: u64,
-    /// What is odd.
+    /// Oddity of the stamp; `None` = it is sound.
     pub trouble: Option<Trouble>,
     /// Arrival minus stamp \[s\].
     pub age_s: f64,

@@ -1,4 +1,4 @@
-//! What happened to a camera, in words and numbers.
+//! Events of a camera, in words and numbers.
 
 use std::path::Path;
 

@@ -1,5 +1,6 @@
 //! Who answers between two runs.
 
+use hydroline_daemon::bring_back::question::Answer;
 use hydroline_daemon::record::keys::Keys;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
@@ -7,24 +8,15 @@ use std::time::Duration;
 /// An Enter from before the question was asked is no answer to it.
 const BEFORE: Duration = Duration::from_millis(150);
 
-/// What somebody at the tank said.
-pub enum Answer {
-    /// The next run.
-    Go,
-    /// No more runs.
-    End,
-}
-
-/// Who is asked: the keys of a terminal, else a line on stdin.
+/// Keys of a terminal, else a line on stdin.
 pub enum Asked {
-    /// A terminal.
+    /// Keys of a terminal.
     Keys(Keys),
-    /// What comes through a pipe: whether there was a line.
+    /// A pipe: whether there was a line in it.
     Line(Receiver<bool>),
 }
 
 impl Asked {
-    /// From now on.
     pub fn begin() -> Self {
         if let Some(keys) = Keys::watch(None) {
             std::thread::sleep(BEFORE);
@@ -41,7 +33,7 @@ impl Asked {
         Self::Line(receiver)
     }
 
-    /// What was said since the last call.
+    /// Answer since the last call.
     pub fn answer(&self) -> Option<Answer> {
         match self {
             Self::Keys(keys) if keys.space() || keys.quit() => Some(Answer::End),

@@ -19,7 +19,6 @@ pub struct Page {
 }
 
 impl Page {
-    /// For this way.
     pub fn new(way: &Way<'_>, live: Live) -> Self {
         let state = State {
             mode: "record",

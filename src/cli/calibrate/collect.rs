@@ -5,8 +5,7 @@ use crate::{CliError, images, progress};
 use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
-use hydroline_numerics::cancel;
-use rayon::prelude::*;
+use hydroline_numerics::{cancel, parallel};
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -15,15 +14,13 @@ use std::path::{Path, PathBuf};
 const BATCH: usize = 32;
 /// In a log every so many frames a missing board is asked for its reason.
 const REASON_EVERY: u64 = 25;
-/// How an MCAP file begins.
+/// First bytes of an MCAP file.
 const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 
 /// One argument.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Source {
-    /// A log.
     Log(PathBuf),
-    /// An image file.
     Image(PathBuf),
 }
 
@@ -43,13 +40,13 @@ pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
     paths.iter().map(kind).collect()
 }
 
-/// How images and logs are read.
+/// Options for reading images and logs.
 pub struct Reading<'a> {
     /// Every so many frames of a log are looked at.
     pub every: u32,
     /// Topic of the logs' images, as named.
     pub image_topic: Option<&'a str>,
-    /// How grey levels come out of them.
+    /// Conversion of an image to grey levels.
     pub rule: GreyRule,
 }
 
@@ -68,7 +65,7 @@ pub struct Collected {
     pub refused_images: u64,
     /// Of these, files that are no image.
     pub unreadable_images: u64,
-    /// How often which reason: by its kind, the first of them in full.
+    /// Number of refusals by kind of reason; of each kind the first reason in full.
     pub refused: BTreeMap<String, u64>,
     kinds: BTreeMap<String, String>,
     /// Stamp of the newest frame with a board, UNIX \[ns\]; `None` for image files.
@@ -164,14 +161,11 @@ pub fn collect(
     for batch in batches(sources) {
         match batch {
             Batch::Images(paths) => {
-                let looked: Vec<(bool, Looked)> = paths
-                    .par_iter()
-                    .map(|path| {
-                        cancel::check();
-                        let image = images::load(path, &reading.rule);
-                        (image.is_err(), look(setup, image, true))
-                    })
-                    .collect();
+                let looked = parallel::map_slice(&paths, |path| {
+                    cancel::check();
+                    let image = images::load(path, &reading.rule);
+                    (image.is_err(), look(setup, image, true))
+                });
                 for (path, (unreadable, looked)) in paths.iter().zip(looked) {
                     collected.unreadable_images += u64::from(unreadable);
                     if let Err(words) = collected.take(setup, looked) {
@@ -229,18 +223,15 @@ fn log(
     let mut frames: Vec<(u64, Frame)> = Vec::with_capacity(BATCH);
     let mut index = 0u64;
     let mut flush = |frames: &mut Vec<(u64, Frame)>| {
-        let looked: Vec<Looked> = frames
-            .par_iter()
-            .map(|(k, frame)| {
-                cancel::check();
-                if let Some(fault) = frame.meta.fault {
-                    let name = hydroline_log::messages::fault_name(fault);
-                    return Err(format!("frame excluded: {name}"));
-                }
-                let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
-                look(setup, grey, k % REASON_EVERY == 0)
-            })
-            .collect();
+        let looked = parallel::map_slice(frames, |(k, frame)| {
+            cancel::check();
+            if let Some(fault) = frame.meta.fault {
+                let name = hydroline_log::messages::fault_name(fault);
+                return Err(format!("frame excluded: {name}"));
+            }
+            let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
+            look(setup, grey, k % REASON_EVERY == 0)
+        });
         for ((_, frame), looked) in frames.drain(..).zip(looked) {
             match collected.take(setup, looked) {
                 Ok(()) => {

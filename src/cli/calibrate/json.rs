@@ -1,4 +1,4 @@
-//! What `calibrate --json` prints.
+//! Output of `calibrate --json`.
 
 use super::report::{Against, Report};
 use hydroline_calib::board::coplanarity::{self, Coplanarity};
@@ -12,20 +12,20 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What --json prints.
+/// Output of `--json`.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Printed<'a> {
     /// The calibration file.
     calibration: &'a Path,
     /// Method of the map.
     method: &'static str,
-    /// What the camera looked through.
+    /// Medium that the camera looked through.
     medium: &'static str,
     /// When the images were taken, RFC 3339; `None` = not known.
     date: Option<&'a str>,
     /// Name of the board.
     board: Option<&'a str>,
-    /// What came of the images.
+    /// Numbers of images, by their use.
     images: Images<'a>,
     /// Poses that the board was seen in; the calibration is of one of them.
     poses: usize,
@@ -43,7 +43,7 @@ pub struct Printed<'a> {
     sheet_share: Option<f64>,
     /// The same for nine parts of the sheet; `None` = without a rig.
     sheet_parts: Option<[[f64; 3]; 3]>,
-    /// How well the map fits the nodes.
+    /// Residuals of the nodes under the map.
     residuals: Option<Residuals>,
     /// Largest standard deviation of a plane coordinate over the board, the gap between board and sheet included \[m\].
     worst_sd_m: Option<f64>,
@@ -61,7 +61,7 @@ pub struct Printed<'a> {
     residual_worst_sds: Option<f64>,
     /// The same in words.
     residual_words: Option<String>,
-    /// How the board lay to the laser sheet; `None` for a map that follows from the rig alone.
+    /// Gap between board and laser sheet; `None` for a map that follows from the rig alone.
     coplanarity: Option<Gap<'a>>,
     /// The same in words.
     coplanarity_words: Option<String>,
@@ -69,9 +69,9 @@ pub struct Printed<'a> {
     placement: Option<Placement>,
     /// Where that is from, in words.
     placement_words: String,
-    /// What accuracy the calibration claims, in words.
+    /// Accuracy that the calibration claims, in words.
     claim: String,
-    /// What is missing for an accepted calibration, in words; empty when accepted.
+    /// Things that are missing for an accepted calibration, in words; empty when accepted.
     missing: &'a [String],
     /// Whether the calibration meets the tolerance.
     accepted: bool,
@@ -79,7 +79,7 @@ pub struct Printed<'a> {
     against: Vec<PrintedAgainst<'a>>,
 }
 
-/// What came of the images.
+/// Numbers of images, by their use.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Images<'a> {
     /// Images looked at.
@@ -92,7 +92,7 @@ struct Images<'a> {
     refused: &'a BTreeMap<String, u64>,
 }
 
-/// How the board lay to the laser sheet.
+/// Gap between board and laser sheet.
 #[derive(Debug, Serialize, JsonSchema)]
 #[serde(tag = "state", rename_all = "lowercase")]
 enum Gap<'a> {
@@ -123,7 +123,7 @@ enum Gap<'a> {
 /// A comparison.
 #[derive(Debug, Serialize, JsonSchema)]
 struct PrintedAgainst<'a> {
-    /// What it is compared with: a file, or another pose.
+    /// Name of the other: a file, or another pose.
     with: &'a str,
     /// Method, board, medium and date of the other; empty for a pose of these images.
     made: &'a str,
@@ -133,7 +133,7 @@ struct PrintedAgainst<'a> {
     aligned: Option<Compared>,
 }
 
-/// How two maps differ.
+/// Difference between two maps.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Compared {
     /// Points compared.

@@ -1,4 +1,4 @@
-//! What a calibration is worth, in words and as JSON.
+//! Quality of a calibration, in words and as JSON.
 
 use super::collect::Collected;
 use hydroline_calib::calibration::compare::Comparison;
@@ -9,7 +9,7 @@ use hydroline_daemon::calibrate::{PlacedBy, Setup, Sheet};
 use std::fmt;
 use std::path::Path;
 
-/// A comparison with another calibration or pose.
+/// Name of the other: a file, or another pose.
 pub struct Against {
     /// With what.
     pub name: String,
@@ -21,7 +21,6 @@ pub struct Against {
     pub aligned: Option<Comparison>,
 }
 
-/// Everything to tell.
 pub struct Report<'a> {
     pub out: &'a Path,
     pub setup: &'a Setup,
@@ -46,7 +45,7 @@ pub fn provenance(c: &Calibration) -> String {
 }
 
 impl Report<'_> {
-    /// What a comparison found, and whether it is more than the rig allows a map.
+    /// A comparison in words, and whether it is more than the rig allows a map.
     fn judged(&self, found: &Comparison) -> String {
         let allowed_mm = 1e3 * self.setup.tolerance_m();
         let size = if 1e3 * found.max_m <= allowed_mm {

@@ -1,4 +1,4 @@
-//! Which errors of the rooms are the doing of what was given, and which of the run.
+//! Sorts the errors of the rooms into those of the input and those of the run.
 //!
 //! The rule: an error that could have been known from the arguments and files alone, before any work, is theirs.
 
@@ -36,7 +36,7 @@ pub(crate) trait Sorted: Display {
     /// Whether what was given (arguments, config, input files) is to blame; else the run is.
     fn is_input(&self) -> bool;
 
-    /// What to do, where the error's own words do not say.
+    /// Next step of the user, where the error's own words do not say it.
     fn next_step(&self) -> Option<&'static str> {
         None
     }
@@ -127,15 +127,6 @@ impl Sorted for ReplayError {
     }
 }
 
-impl Sorted for FolderError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Read { source, .. } => is_no_file(source.kind()),
-            Self::Empty { .. } | Self::NoTimes { .. } | Self::Order { .. } => true,
-        }
-    }
-}
-
 impl Sorted for ImageTopicError {
     fn is_input(&self) -> bool {
         match self {
@@ -148,78 +139,6 @@ impl Sorted for ImageTopicError {
         match self {
             Self::Log(error) => error.next_step(),
             _ => None,
-        }
-    }
-}
-
-impl Sorted for RecordError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Service(error) => error.is_input(),
-            Self::Thrust(_) => true,
-            Self::Log(error) => error.is_input(),
-            Self::Start { .. } => false,
-        }
-    }
-}
-
-impl Sorted for LiveError {
-    fn is_input(&self) -> bool {
-        match self {
-            LiveError::Open { .. } | LiveError::Token { .. } | LiveError::Listen { .. } => true,
-            LiveError::Start(_) => false,
-        }
-    }
-}
-
-impl Sorted for SimulateError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Sim(error) => error.is_input(),
-            Self::Scene(_) | Self::Plan(_) | Self::Noise { .. } => true,
-            Self::Log(error) => error.is_input(),
-            Self::Capture(_) => false,
-        }
-    }
-}
-
-impl Sorted for SimError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Effect(_) | Self::Thrust(_) => true,
-            // Numbers that each are allowed and together run away: known only from the run.
-            Self::Trajectory(_) => false,
-        }
-    }
-}
-
-impl Sorted for IdentifyError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::OnlyStill(_) | Self::NoRun | Self::Effect(_) => true,
-            Self::TooFew { .. } | Self::Method(_) | Self::Forward(_) => false,
-        }
-    }
-}
-
-impl Sorted for BollardError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Table { .. } | Self::TooFew { .. } => true,
-            Self::Falls { .. } | Self::Method(_) | Self::Forward(_) => false,
-        }
-    }
-}
-
-impl Sorted for PredictError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Plan(_)
-            | Self::Thrust(_)
-            | Self::Effect(_)
-            | Self::Identified { .. }
-            | Self::OfRig { .. } => true,
-            Self::Trajectory(_) => false,
         }
     }
 }
@@ -259,16 +178,6 @@ impl Sorted for ImageError {
     }
 }
 
-impl Sorted for ImportError {
-    fn is_input(&self) -> bool {
-        match self {
-            Self::Faults { .. } => true,
-            Self::Table(_) => false,
-            Self::Log(error) => error.is_input(),
-        }
-    }
-}
-
 impl Sorted for JoinError {
     fn is_input(&self) -> bool {
         match self {
@@ -300,6 +209,52 @@ macro_rules! sorted {
 }
 
 sorted! {
+    FolderError: |e| match e {
+        FolderError::Read { source, .. } => is_no_file(source.kind()),
+        FolderError::Empty { .. } | FolderError::NoTimes { .. } | FolderError::Order { .. } => true,
+    },
+    RecordError: |e| match e {
+        RecordError::Service(error) => error.is_input(),
+        RecordError::Thrust(_) => true,
+        RecordError::Log(error) => error.is_input(),
+        RecordError::Start { .. } => false,
+    },
+    LiveError: |e| match e {
+        LiveError::Open { .. } | LiveError::Token { .. } | LiveError::Listen { .. } => true,
+        LiveError::Start(_) => false,
+    },
+    SimulateError: |e| match e {
+        SimulateError::Sim(error) => error.is_input(),
+        SimulateError::Scene(_) | SimulateError::Plan(_) | SimulateError::Noise { .. } => true,
+        SimulateError::Log(error) => error.is_input(),
+        SimulateError::Capture(_) => false,
+    },
+    SimError: |e| match e {
+        SimError::Effect(_) | SimError::Thrust(_) => true,
+        // Numbers that each are allowed and together run away: known only from the run.
+        SimError::Trajectory(_) => false,
+    },
+    IdentifyError: |e| match e {
+        IdentifyError::OnlyStill(_) | IdentifyError::NoRun | IdentifyError::Effect(_) => true,
+        IdentifyError::TooFew { .. } | IdentifyError::Method(_) | IdentifyError::Forward(_) => false,
+    },
+    BollardError: |e| match e {
+        BollardError::Table { .. } | BollardError::TooFew { .. } => true,
+        BollardError::Falls { .. } | BollardError::Method(_) | BollardError::Forward(_) => false,
+    },
+    PredictError: |e| match e {
+        PredictError::Plan(_)
+        | PredictError::Thrust(_)
+        | PredictError::Effect(_)
+        | PredictError::Identified { .. }
+        | PredictError::OfRig { .. } => true,
+        PredictError::Trajectory(_) => false,
+    },
+    ImportError: |e| match e {
+        ImportError::Faults { .. } => true,
+        ImportError::Table(_) => false,
+        ImportError::Log(error) => error.is_input(),
+    },
     RigError: |_| true,
     UseError: |_| true,
     MapError: |_| true,

@@ -1,4 +1,4 @@
-//! `record --next` and `--until-decided`: run after run, each replayed and diagnosed on the spot, the plan proposed that
+//! `record --next` and `--until-decided`: each run replayed and diagnosed on the spot, and the plan proposed that
 //! says most beside those that are there.
 //!
 //! The state of a session is its logs: LOG-1.mcap, LOG-2.mcap, ... with LOG-1-poses.mcap, ... beside them. One that was cut
@@ -6,20 +6,19 @@
 
 use super::super::{diagnose, plan, replay};
 use super::*;
-use hydroline_calib::analytic::IdealMap;
-use hydroline_calib::plane::PlaneMap;
+use hydroline_daemon::series::Event;
 use hydroline_diagnose::body::next::Offer;
+use hydroline_diagnose::profiles::observe::has_images;
 use hydroline_diagnose::until::{Options, Proposal, Series, Step};
 use hydroline_diagnose::verdict::Verdict;
 use hydroline_diagnose::{Diagnosis, Source, read};
 use hydroline_identify::data::check_vehicle;
-use std::sync::Arc;
 
 /// A series of two and more has numbers in its names.
 const NUMBERED: u32 = 2;
 
 /// A recorded run of the series.
-struct Run {
+pub(in crate::record) struct Run {
     log: PathBuf,
     /// Its poses.
     source: Source,
@@ -47,153 +46,128 @@ fn poses(log: &Path, rig: &Rig, build: BuildInfo) -> Result<Source, CliError> {
     for words in check_vehicle(&out, rig)? {
         errln!("hydroline: {words}");
     }
-    Ok(read(&out, rig)?.with_frames_of(log))
+    let source = read(&out, rig)?;
+    Ok(match has_images(log)? {
+        true => source.with_frames_of(log),
+        false => source,
+    })
 }
 
-/// The series as far as it is there, and the number of the next run.
-fn recorded(out: &Path, rig: &Rig, build: BuildInfo) -> Result<(Vec<Run>, u32), CliError> {
-    let mut runs = Vec::new();
-    let mut k = 1;
-    loop {
-        let log = run_path(out, k, NUMBERED);
-        if !log.exists() {
-            return Ok((runs, k));
+/// Plans proposed by what the runs so far say.
+pub(in crate::record) struct Proposing<'a> {
+    series: Series<'a>,
+    out: &'a Path,
+    /// Usable runs of the series.
+    pub runs: Vec<Run>,
+    /// Number of the next run.
+    pub next: u32,
+    /// Number of the last run that may be made.
+    pub last: u32,
+    /// Plans for the next run, the best first.
+    offers: Vec<Offer>,
+}
+
+impl<'a> Proposing<'a> {
+    /// The series as far as it is there.
+    pub fn begin(
+        session: &Session<'a>,
+        calibration: Option<Calibration>,
+    ) -> Result<Self, CliError> {
+        let args = session.args;
+        let Some(out) = &args.out else {
+            return Err(CliError::Config(
+                "--out is missing: it names the series, LOG-1.mcap, LOG-2.mcap, ...".to_owned(),
+            ));
+        };
+        let options = Options {
+            dofs: args.dof.clone(),
+            calibration,
+            ..Options::default()
+        };
+        let mut proposing = Proposing {
+            series: Series::new(session.rig, options),
+            out,
+            runs: Vec::new(),
+            next: 1,
+            last: args.max_runs,
+            offers: Vec::new(),
+        };
+        loop {
+            let log = proposing.log(proposing.next);
+            if !log.exists() {
+                break;
+            }
+            match poses(&log, session.rig, session.build) {
+                Ok(source) => proposing.runs.push(Run { log, source }),
+                Err(error) => errln!(
+                    "hydroline: {}: {error}; the series goes on without it",
+                    log.display()
+                ),
+            }
+            proposing.next += 1;
         }
-        match poses(&log, rig, build) {
-            Ok(source) => runs.push(Run { log, source }),
-            Err(error) => errln!(
-                "hydroline: {}: {error}; the series goes on without it",
-                log.display()
-            ),
+        if args.next {
+            proposing.last = proposing.next;
         }
-        k += 1;
+        Ok(proposing)
     }
-}
 
-/// What is done with a proposal.
-enum Answer {
-    Start(usize),
-    End,
-}
-
-/// Run after run.
-pub(super) fn run(
-    rig: &Rig,
-    session: &Session<'_>,
-    args: &Args,
-    calibration: Option<Calibration>,
-) -> Result<Outcome, CliError> {
-    let Some(out) = &args.out else {
-        return Err(CliError::Config(
-            "--out is missing: it names the series, LOG-1.mcap, LOG-2.mcap, ...".to_owned(),
-        ));
-    };
-    let (mut runs, mut k) = recorded(out, rig, session.build)?;
-    if !runs.is_empty() {
-        errln!(
-            "hydroline: goes on from {} run(s) of this series",
-            runs.len()
-        );
+    /// Where a run goes.
+    pub fn log(&self, run: u32) -> PathBuf {
+        run_path(self.out, run, NUMBERED)
     }
-    let most = if args.next { k } else { args.max_runs };
-    let mut reports = Vec::new();
-    let mut outcome = Outcome::Done;
-    let options = Options {
-        dofs: args.dof.clone(),
-        calibration: calibration.clone(),
-        ..Options::default()
-    };
-    let series = Series::new(rig, options);
-    loop {
-        let sources: Vec<Source> = runs.iter().map(|r| r.source.clone()).collect();
-        let left = (most + 1).saturating_sub(k) as usize;
+
+    /// The plan of an offer.
+    pub fn plan(&self, offer: usize) -> Option<&Plan> {
+        self.offers.get(offer).map(|o| &o.plan)
+    }
+
+    /// Diagnoses the runs and shows what may come next; prints the end where nothing does.
+    pub fn propose(
+        &mut self,
+        session: &Session<'_>,
+        left: usize,
+        reports: &[Recorded],
+    ) -> Result<Event, CliError> {
+        let sources: Vec<Source> = self.runs.iter().map(|r| r.source.clone()).collect();
         let stages = progress::Stages::begin("choosing what to run next");
-        let next = series.step(&sources, left, &|stage| stages.tell(stage));
+        let step = self
+            .series
+            .step(&sources, left, &|stage| stages.tell(stage));
         drop(stages);
-        let proposal = match next.map_err(CliError::run)? {
-            // Never behind the last run: none is left then.
-            Step::Run(proposal) => proposal,
-            Step::Decided(found) => {
-                tell_end(args, rig, &runs, &reports, None, Some(&found))?;
-                return Ok(outcome);
-            }
-            Step::Undecided { why, diagnosis } => {
-                tell_end(args, rig, &runs, &reports, Some(&why), diagnosis.as_deref())?;
-                return Ok(outcome);
-            }
+        let end = |why: Option<&str>, found: Option<&Diagnosis>| {
+            tell_end(session, &self.runs, reports, why, found)
         };
-        propose(&proposal, k, most);
-        if args.dry_run {
-            return Ok(outcome);
-        }
-        let chosen = if args.yes {
-            0
-        } else {
-            match ask(rig, &proposal.offers, session, args.return_to_start)? {
-                Answer::Start(chosen) => chosen,
-                Answer::End => {
-                    errln!(
-                        "hydroline: ended by you; the same command goes on from {} run(s)",
-                        runs.len()
-                    );
-                    return Ok(outcome);
-                }
+        match step.map_err(CliError::run)? {
+            Step::Run(proposal) => {
+                show(&proposal, self.next, self.last);
+                self.offers = proposal.offers;
+                return Ok(Event::Proposed);
             }
-        };
-        let offer = &proposal.offers[chosen];
-        let log = run_path(out, k, NUMBERED);
-        inputs::new_file("--out", &log)?;
-        if args.return_to_start && !args.yes {
-            let map: Arc<dyn PlaneMap> = match &calibration {
-                Some(calibration) => Arc::from(calibration.to_map()),
-                None => Arc::new(IdealMap::of(rig)),
-            };
-            let there = bring_back::wait(&Way {
-                rig,
-                map,
-                near: args.near,
-                run: (k, most),
-                live: session.live(rig, &log, (k, most)),
-                stopped: &|| session.stopped(),
-            })?;
-            if !there {
-                errln!(
-                    "hydroline: ended by you; the same command goes on from {} run(s)",
-                    runs.len()
-                );
-                return Ok(outcome);
-            }
+            Step::Decided(found) => end(None, Some(&found))?,
+            Step::Undecided { why, diagnosis } => end(Some(&why), diagnosis.as_deref())?,
         }
-        let with_plan = Session {
-            plan: Some(&offer.plan),
-            conditions: session.conditions,
-            build: session.build,
-            shown: session.shown,
-            tank: session.tank,
-            ended: Cell::new(false),
-        };
-        let calibrating = Calibrating {
-            calibration: calibration.clone(),
-            calibrate: None,
-            out: None,
-        };
-        let rigs = [rig.clone()];
-        let logs = [log.clone()];
-        let made = record_all(&rigs, &with_plan, args, calibrating, &logs, &mut reports)?;
-        if matches!(made, Outcome::Lossy) {
-            outcome = Outcome::Lossy;
-        }
-        let source = poses(&log, rig, session.build)?;
-        runs.push(Run { log, source });
-        k += 1;
-        if with_plan.ended.get() || session.stopped() {
-            errln!("hydroline: ended by you; the same command goes on from here");
-            return Ok(outcome);
-        }
+        Ok(Event::Concluded)
+    }
+
+    /// Poses of the run that has ended.
+    pub fn examine(&mut self, session: &Session<'_>) -> Result<Event, CliError> {
+        let log = self.log(self.next);
+        let source = poses(&log, session.rig, session.build)?;
+        self.runs.push(Run { log, source });
+        self.next += 1;
+        Ok(Event::Examined {
+            stop: session.stopped(),
+        })
+    }
+
+    /// Choice of the person at the tank; `None` = no more runs.
+    pub fn ask(&self, session: &Session<'_>) -> Result<Option<usize>, CliError> {
+        ask(session, &self.offers)
     }
 }
 
-/// What a plan is, in a line.
+/// Name, length and loads of a plan, in a line.
 fn line(offer: &Offer) -> String {
     let loads = hydroline_plan::size::largest(&offer.plan).map_or(String::new(), plan::loads);
     format!(
@@ -204,7 +178,7 @@ fn line(offer: &Offer) -> String {
     )
 }
 
-fn propose(proposal: &Proposal, k: u32, most: u32) {
+fn show(proposal: &Proposal, k: u32, most: u32) {
     if let Some(found) = &proposal.diagnosis {
         errln!("hydroline: so far: {}", found.verdict.sentence);
     }
@@ -214,19 +188,14 @@ fn propose(proposal: &Proposal, k: u32, most: u32) {
     }
 }
 
-/// Waits for what the person at the tank says.
-fn ask(
-    rig: &Rig,
-    offers: &[Offer],
-    session: &Session<'_>,
-    shown: bool,
-) -> Result<Answer, CliError> {
-    let [x, y, z, _, _, psi] = rig.tank.start_pose;
+/// Waits for what the person at the tank says: the place of an offer, or `None` = no more runs.
+fn ask(session: &Session<'_>, offers: &[Offer]) -> Result<Option<usize>, CliError> {
+    let [x, y, z, _, _, psi] = session.rig.tank.start_pose;
     let others = match offers.len() {
         0 | 1 => String::new(),
         n => format!(", 2 to {n} chooses another"),
     };
-    if shown {
+    if session.args.return_to_start {
         errln!("hydroline: Enter takes plan 1{others}, q ends; the way to the start is shown then");
     } else {
         errln!(
@@ -241,33 +210,33 @@ fn ask(
         for line in std::io::stdin().lines() {
             let Ok(line) = line else { break };
             match answer(&line, count) {
-                Some(answer) => {
-                    sender.send(answer).ok();
+                Some(chosen) => {
+                    sender.send(chosen).ok();
                     return;
                 }
                 None => errln!("hydroline: Enter, a number from 1 to {count}, or q"),
             }
         }
         // End of input: nobody is there.
-        sender.send(Answer::End).ok();
+        sender.send(None).ok();
     });
     loop {
         match receiver.recv_timeout(Duration::from_millis(50)) {
-            Ok(answer) => return Ok(answer),
-            Err(_) if signals.heard().is_some() || session.stopped() => return Ok(Answer::End),
+            Ok(chosen) => return Ok(chosen),
+            Err(_) if signals.heard().is_some() || session.stopped() => return Ok(None),
             Err(_) => {}
         }
     }
 }
 
-/// A line typed; `None` = not understood.
-fn answer(line: &str, offers: usize) -> Option<Answer> {
+/// A line typed: the place of an offer or the end; `None` = not understood.
+fn answer(line: &str, offers: usize) -> Option<Option<usize>> {
     match line.trim() {
-        "" => Some(Answer::Start(0)),
-        "q" | "Q" => Some(Answer::End),
+        "" => Some(Some(0)),
+        "q" | "Q" => Some(None),
         number => {
             let k: usize = number.parse().ok()?;
-            (1..=offers).contains(&k).then(|| Answer::Start(k - 1))
+            (1..=offers).contains(&k).then(|| Some(k - 1))
         }
     }
 }
@@ -307,7 +276,19 @@ fn scope(rig: &Rig, runs: &[Run]) -> String {
     }
 }
 
-/// What `--until-decided --json` prints.
+/// Of which logs the verdict is by the motion alone.
+fn without_images(runs: &[Run]) -> String {
+    let without = runs.iter().filter(|r| r.source.frames.is_none());
+    let names: Vec<_> = without
+        .filter_map(|r| Some(r.log.file_name()?.to_string_lossy()))
+        .collect();
+    match names.is_empty() {
+        true => String::new(),
+        false => format!("; without images, by motion alone: {}", names.join(", ")),
+    }
+}
+
+/// Series as `--until-decided --json` prints it.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(crate) struct Printed<'a> {
     /// The runs in turn.
@@ -324,15 +305,15 @@ pub(crate) struct Printed<'a> {
     verdict: Option<&'a Verdict>,
 }
 
-/// What the series says at its end; `why` = why it is not decided.
+/// Prints the series at its end; `why` = why it is not decided.
 fn tell_end(
-    args: &Args,
-    rig: &Rig,
+    session: &Session<'_>,
     runs: &[Run],
     reports: &[Recorded],
     why: Option<&str>,
     found: Option<&Diagnosis>,
 ) -> Result<(), CliError> {
+    let Session { args, rig, .. } = *session;
     if args.json {
         let printed = Printed {
             runs: reports,
@@ -348,8 +329,17 @@ fn tell_end(
         diagnose::print(&found.verdict);
     }
     match why {
-        None => outln!("decided after {} run(s){}", runs.len(), scope(rig, runs)),
-        Some(why) => outln!("not decided after {} run(s): {why}", runs.len()),
+        None => outln!(
+            "decided after {} run(s){}{}",
+            runs.len(),
+            scope(rig, runs),
+            without_images(runs)
+        ),
+        Some(why) => outln!(
+            "not decided after {} run(s): {why}{}",
+            runs.len(),
+            without_images(runs)
+        ),
     }
     let logs: Vec<String> = runs
         .iter()
@@ -371,9 +361,9 @@ mod tests {
 
     #[test]
     fn a_line_is_a_start_a_choice_or_an_end() {
-        assert!(matches!(answer("", 3), Some(Answer::Start(0))));
-        assert!(matches!(answer(" 3 ", 3), Some(Answer::Start(2))));
-        assert!(matches!(answer("q", 3), Some(Answer::End)));
+        assert_eq!(answer("", 3), Some(Some(0)));
+        assert_eq!(answer(" 3 ", 3), Some(Some(2)));
+        assert_eq!(answer("q", 3), Some(None));
         for line in ["0", "4", "yes", "-1"] {
             assert!(answer(line, 3).is_none(), "{line}");
         }

@@ -1,4 +1,6 @@
 use super::*;
+use hydroline_calib::analytic::IdealMap;
+use hydroline_calib::plane::PlaneMap;
 
 fn calibration(date: &str, medium: Medium, board: &str) -> Calibration {
     let rig = Rig::builtin("lshpi").unwrap();
@@ -129,24 +131,4 @@ fn the_folder_is_the_one_of_the_base_directories() {
     let file = Memory::from_variables(Some("/dev/null".into()), None);
     let refused = file.keep("c", &kept).unwrap_err().to_string();
     assert!(refused.contains("/dev/null"), "{refused}");
-}
-
-#[test]
-fn a_simulated_camera_of_other_numbers_is_another() {
-    let rig = Rig::builtin("lshpi").unwrap();
-    let mut moved = rig.clone();
-    moved.camera.cx_px += 3.0;
-    assert_ne!(camera(&rig), camera(&moved));
-    assert_eq!(camera(&rig), camera(&rig.clone()));
-    // A number of the system's is no camera; a socket is one of its rig.
-    let backend = |identity| {
-        let mut rig = rig.clone();
-        rig.camera.backend = CameraBackend::V4l(identity);
-        camera(&rig)
-    };
-    assert_eq!(backend(DeviceIdentity::Node("/dev/video0".into())), None);
-    let socket = backend(DeviceIdentity::ByPath("usb-1".into())).unwrap();
-    assert!(socket.contains("usb-1") && socket.contains(&rig.name));
-    let serial = backend(DeviceIdentity::ById("usb-X_123".into()));
-    assert_eq!(serial.as_deref(), Some("by-id usb-X_123"));
 }

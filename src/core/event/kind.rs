@@ -1,4 +1,4 @@
-//! Which kinds of events there are: the one list of them, which every event names and the book prints.
+//! Kinds of events: the one list of them, which every event names and the book prints.
 
 mod camera;
 mod daemon;
@@ -17,7 +17,7 @@ pub struct EventKind {
     pub name: &'static str,
     /// Severities with which it is written.
     pub severities: &'static [Severity],
-    /// What has happened when it is written.
+    /// Occurrence that it reports, as the reference prints it.
     pub meaning: &'static str,
     /// Numbers that it may carry.
     pub values: &'static [EventValue],

@@ -8,7 +8,7 @@ use super::{Channel, Frame, FrameError, GreyImage, GreyRule};
 /// From this level on a pixel counts as clipped, as for the stripe.
 const CLIPPED_FROM: u8 = 254;
 
-/// What luma hides.
+/// Clipping that a frame's luma hides.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HiddenClipping {
     /// The channel that clips most.
@@ -43,7 +43,7 @@ impl ClippingWatch {
         }
     }
 
-    /// What to say of it, with the cure; `None` = nothing.
+    /// Message about hidden clipping, with the cure; `None` = there was none.
     pub fn words(&self) -> Option<String> {
         let worst = self.worst?;
         Some(format!(

@@ -10,11 +10,11 @@ use super::{COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, 
 
 /// Why an image file has no grey levels.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum StillError {
     /// Neither PNG nor JPEG, or damaged.
     #[error("{0}; PNG (8 or 16 bit) and JPEG are read")]
     Decode(String),
-    /// Claims more than is unpacked.
     #[error("an image of {0} x {1} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked")]
     TooLarge(u32, u32),
 }

@@ -12,7 +12,18 @@ fn frame(format: PixelFormat, (w, h): (u32, u32), stride_bytes: u32, data: Vec<u
         height_px: h,
         stride_bytes,
         data: Bytes::from(data),
-        meta: crate::synthetic::grey_frame(7, 1, 1).meta,
+        meta: FrameMeta {
+            sequence: 7,
+            driver_stamp_ns: 0,
+            stamp_clock: StampClock::Monotonic,
+            stamp_source: StampSource::StartOfExposure,
+            flags: 0x2001,
+            received_monotonic_ns: 3_000_000,
+            mid_exposure_ns: 2_000_000,
+            exposure_s: 0.004,
+            fault: None,
+            lost_before: LossBefore::default(),
+        },
     }
 }
 
@@ -365,7 +376,7 @@ fn a_laser_that_clips_its_own_channel_is_noticed_in_luma() {
         assert_eq!(hidden.channel, Channel::Green, "{format:?}");
         assert!(hidden.pixels >= 4, "{format:?}: {}", hidden.pixels);
         assert_eq!(image.hidden_clipping(&of(Channel::Green)).unwrap(), None);
-        // What the luma hides shows in the channel.
+        // Clipping that the luma hides shows in the channel.
         let top = |rule| image.to_grey(&rule).unwrap().pixels.into_iter().max();
         assert!(top(GreyRule::default()) < Some(254), "{format:?}");
         assert!(top(of(Channel::Green)) >= Some(254), "{format:?}");

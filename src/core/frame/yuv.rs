@@ -16,7 +16,6 @@ const GREEN_CR: f32 = -0.299 * 1.402 / 0.587;
 /// Cb and Cr about their middle.
 type Chroma = [f32; 2];
 
-/// The pixels of a channel.
 pub(super) fn pixels(
     rows: &Rows<'_>,
     format: PixelFormat,

@@ -1,4 +1,4 @@
-//! What was measured beside the motion: angles of rudder and fins, shaft speed, height of the waves.
+//! Companions measured beside the motion: angles of rudder and fins, shaft speed, height of the waves.
 
 /// Names of the companions, with their units.
 pub const COMPANIONS: [&str; 4] = ["rudder_rad", "elevator_rad", "shaft_radps", "wave_m"];
@@ -9,12 +9,12 @@ pub struct Companions {
     /// Stamps \[s since the log's first stamp\], ascending.
     pub times_s: Vec<f64>,
     /// In the order of [`COMPANIONS`]; NaN = not measured.
-    pub values: Vec<[f64; 4]>,
+    pub values: Vec<[f64; COMPANIONS.len()]>,
 }
 
 impl Companions {
     /// Takes what was measured at a time, if anything was.
-    pub fn push(&mut self, t_s: f64, values: [f64; 4]) {
+    pub fn push(&mut self, t_s: f64, values: [f64; COMPANIONS.len()]) {
         if values.iter().any(|v| v.is_finite()) {
             self.times_s.push(t_s);
             self.values.push(values);

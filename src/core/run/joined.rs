@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-/// What a joined log says of its clocks (`hydroline join`).
+/// Clocks of a joined log (`hydroline join`), as its metadata states them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joined {
     /// The offset was estimated from the motion's answer to the commands: a latency is part of it.
@@ -17,7 +17,7 @@ impl Joined {
     /// From the session's metadata; `None` = the log is of one clock.
     pub fn of(session: &BTreeMap<String, String>) -> Option<Joined> {
         let from = session.get("join.offset_from")?;
-        // What cannot be read is not known at all.
+        // A value that cannot be read is not known at all.
         let sd = |key: &str| {
             let own = session.get(key).and_then(|v| v.parse::<f64>().ok());
             own.filter(|v| *v >= 0.0).unwrap_or(f64::INFINITY)

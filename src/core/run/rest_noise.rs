@@ -11,13 +11,13 @@ pub struct RestNoise {
     pub noise: Noise,
     /// Share of samples that were outliers.
     pub outliers: f64,
-    /// What is left of the stretch itself when this colour is taken out, for comparison with residuals.
+    /// Correlogram of the stretch itself when this colour is taken out, for comparison with residuals.
     #[serde(default)]
     pub left: Option<Correlogram>,
     /// The logged sd that the level belongs to, SI; `None` = the log said none.
     #[serde(default)]
     pub logged_sd: Option<f64>,
-    /// What it was measured on; empty = only the figures above were stored.
+    /// Stretches it was measured on; empty = only the figures above were stored.
     #[serde(skip)]
     pub stretches: Vec<Stretch>,
 }
@@ -26,7 +26,7 @@ pub struct RestNoise {
 pub type Stretch = (Vec<f64>, Vec<f64>);
 
 impl RestNoise {
-    /// What is left of the stretches when another colour than their own is taken out; of figures alone what was stored.
+    /// Correlogram of the stretches when another colour than their own is taken out; of figures alone the stored one.
     pub fn left_of(&self, noise: Noise) -> Option<Correlogram> {
         if self.stretches.is_empty() {
             return self.left.clone();

@@ -33,12 +33,12 @@ pub struct Finder {
     turn: usize,
 }
 
-/// What a frame gave.
+/// Stripe and pose that a frame gave.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Look {
     /// Its stripe.
     pub profile: StripeProfile,
-    /// What it shows of place and heading.
+    /// Place and heading, as far as it shows them.
     pub seen: Seen,
     /// The whole pose, where there is one.
     pub pose: Option<Pose>,
@@ -99,7 +99,7 @@ impl Finder {
     }
 }
 
-/// What a fit shows well enough.
+/// Place and heading that a fit shows well enough.
 fn seen(fit: &JointPose) -> Seen {
     let values = fit.pose.to_array();
     let value = |i: usize| {

@@ -10,12 +10,12 @@ use hydroline_core::frame::GreyImage;
 use hydroline_log::messages::pb::PlaneCalibration;
 use std::mem::{Discriminant, discriminant};
 
-/// How often a missing board is asked for its reason \[ns\]: finding that out takes several frames' time.
+/// Period at which a missing board is asked for its reason \[ns\]: finding that out takes several frames' time.
 const REASON_EVERY_NS: u64 = 1_000_000_000;
-/// How often the same reason is reported again \[ns\].
+/// Period at which the same reason is reported again \[ns\].
 const REPEAT_NS: u64 = 10_000_000_000;
 
-/// What one frame brought.
+/// Result of a look at one frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Look {
     /// For `/laser/calibration`.
@@ -34,7 +34,7 @@ pub struct Live {
     line: String,
     asked_ns: Option<u64>,
     reported: Option<(Discriminant<NotFound>, u64)>,
-    /// What was missing when it was last reported.
+    /// Missing items when they were last reported, in words.
     missing: Vec<String>,
     accepted: Option<(Calibration, PlacedBy)>,
 }
@@ -144,7 +144,7 @@ impl Live {
         }
     }
 
-    /// Why there is no accepted calibration yet.
+    /// Reason why there is no accepted calibration yet.
     pub fn missing(&self) -> String {
         match self.pose.status() {
             Some(status) if !status.missing.is_empty() => status.missing.join("; "),
@@ -154,7 +154,7 @@ impl Live {
     }
 }
 
-/// What is missing without its numbers, which change with every frame.
+/// Missing items without their numbers, which change with every frame.
 fn kinds(missing: &[String]) -> Vec<String> {
     missing
         .iter()

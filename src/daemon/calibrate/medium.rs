@@ -1,4 +1,4 @@
-//! What the light of a run goes through, and whether a calibration may be used for it.
+//! Medium that the light of a run goes through, and whether a calibration may be used for it.
 
 use hydroline_calib::calibration::MapParameters;
 use hydroline_calib::calibration::usage::UseError;

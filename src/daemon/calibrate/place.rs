@@ -13,7 +13,7 @@ use hydroline_calib::{IdealMap, Medium};
 use hydroline_rigs::Rig;
 use nalgebra::{Rotation2, Vector2};
 
-/// Who says where the board stood.
+/// Source of the board's place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlacedBy {
     /// Measured by a person.
@@ -22,7 +22,7 @@ pub enum PlacedBy {
     Rig {
         /// rms distance of the nodes from where the rig's numbers put them \[m\].
         rms_m: f64,
-        /// How much larger the board looks than its file says, by the rig's numbers.
+        /// Factor by which the board looks larger than its file says, by the rig's numbers.
         scale: f64,
     },
     /// Nobody: coordinates count from the board's middle.

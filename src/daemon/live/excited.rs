@@ -1,4 +1,4 @@
-//! What a run so far cannot show, by what the commands that were sent have done to the rig's model.
+//! Excitation that a run so far lacks, by what the commands that were sent have done to the rig's model.
 //!
 //! A coefficient that no motion depends on is not identifiable from it, however long the run. Reported per degree of
 //! freedom that the thrusters can drive; what a run was never meant to excite stays listed, and rightly.
@@ -65,7 +65,7 @@ impl Excited {
         self.last = Some(*motion);
     }
 
-    /// What is missing, in words; empty when all that is looked for was excited.
+    /// Missing excitation, in words; empty when all that is looked for was excited.
     pub fn missing(&self) -> Vec<String> {
         let mut missing = Vec::new();
         for (i, dof) in Dof::ALL
@@ -97,7 +97,7 @@ impl Excited {
     }
 }
 
-/// Which degrees of freedom any thruster acts in.
+/// Whether any thruster acts in each degree of freedom.
 fn driven(rig: &Rig) -> [bool; 6] {
     let Ok(allocation) = Allocation::new(&rig.thrusters) else {
         return [false; 6];

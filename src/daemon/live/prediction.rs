@@ -5,7 +5,7 @@ use hydroline_rigs::{Rig, Wrench};
 use hydroline_sim::{VehicleState, World};
 use std::collections::VecDeque;
 
-/// What a rig's curve may give at the neutral pulse \[N\]: no push.
+/// Largest thrust that a rig's curve may give at the neutral pulse \[N\]: no push.
 const NEUTRAL_N: f64 = 0.05;
 /// Kept \[ns\]: a pose older than this is not compared any more. On a busy computer one takes many seconds to fit.
 const KEPT_NS: u64 = 60_000_000_000;
@@ -21,7 +21,7 @@ pub struct Prediction {
     past: VecDeque<(u64, [f64; 6])>,
 }
 
-/// What the model does now.
+/// State of the model now, and the wrench on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// Pose and velocity.

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 /// Between two states, and between two pictures.
 const PERIOD: Duration = Duration::from_millis(100);
 
-/// What is shown of such work.
+/// Live page of such work.
 pub struct Unhurried {
     live: Live,
     state: State,

@@ -24,7 +24,7 @@ pub struct AimView {
     pub steady_fps: Option<f64>,
     /// Time without any frame up to now, in whole windows \[s\].
     pub silent_s: f64,
-    /// What is wrong with the newest frame, if it is faulty.
+    /// Fault of the newest frame, in words, if it is faulty.
     pub newest_fault: Option<&'static str>,
     /// Frames lost since the start (sequence and time gaps).
     pub lost: u64,
@@ -197,7 +197,7 @@ impl AimView {
         self.silent_s >= SILENT_S.max(3.0 / self.wanted_fps.max(0.1))
     }
 
-    /// What to change, in the words of someone standing at the tank; empty when all is well.
+    /// Changes to make, in the words of someone standing at the tank; empty when all is well.
     pub fn advice(&self) -> Vec<String> {
         let mut advice = Vec::new();
         // Without fresh pixels nothing can be said of laser and lens.

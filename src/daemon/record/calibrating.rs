@@ -13,7 +13,7 @@ use hydroline_log::Entry;
 pub struct Calibrating {
     /// One line for the status.
     pub line: String,
-    /// Why there is none yet, in words; empty once accepted.
+    /// Reason why there is none yet, in words; empty once accepted.
     pub missing: String,
     /// The accepted calibration.
     pub accepted: Option<Calibration>,

@@ -10,7 +10,7 @@ use hydroline_log::messages::pb::StripeProfile;
 /// One stripe point in the laser plane: xi to port, eta up \[m\].
 pub type PlanePointM = (f64, f64);
 
-/// What the floor line says.
+/// Height and roll from the floor line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
     /// Height of the CG above the floor \[m\].

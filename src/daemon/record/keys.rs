@@ -11,10 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// How often the thread looks whether it is still wanted \[ms\].
+/// Period at which the thread looks whether it is still wanted \[ms\].
 const LOOK_MS: i32 = 100;
 
-/// What was pressed; each is reported once.
+/// Keys pressed so far; Space and Enter are reported once.
 #[derive(Debug, Default)]
 struct Pressed {
     space: AtomicBool,
@@ -125,7 +125,7 @@ fn read_keys(fd: RawFd, pressed: &Pressed, line: Option<&NeutralHandle>) {
         };
         // SAFETY: one valid pollfd.
         if unsafe { libc::poll(&mut poll, 1, if closing { 0 } else { LOOK_MS }) } <= 0 {
-            // What was typed until the very end has been read: a Space then is a Space.
+            // All that was typed until the very end has been read: a Space then is a Space.
             if closing {
                 return;
             }

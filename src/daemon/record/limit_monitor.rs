@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often the limits are looked at.
+/// Period at which the limits are looked at.
 const LOOK: Duration = Duration::from_millis(50);
 /// A floor line older than this says nothing about now \[ns\].
 const FRESH_NS: u64 = 500_000_000;

@@ -9,7 +9,7 @@ use hydroline_rigs::Limits;
 /// vehicle at 0.2 m/s travels 24 mm.
 pub const CONFIRM: u32 = 3;
 
-/// What is known now; `None` = not measured.
+/// Pose estimate for the limits; `None` = not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
     /// Along the tank, tank frame \[m\].

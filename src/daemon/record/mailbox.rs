@@ -19,7 +19,7 @@ pub struct Mailbox<T> {
     ready: Condvar,
 }
 
-/// What [`Mailbox::take`] found.
+/// Result of [`Mailbox::take`].
 #[derive(Debug, PartialEq, Eq)]
 pub enum Taken<T> {
     /// The newest item.

@@ -7,7 +7,6 @@ const MAX_SD_M: f64 = 0.02;
 /// The same of an angle \[rad\]: 2 deg.
 const MAX_SD_RAD: f64 = 0.035;
 
-/// The newest measured pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeasuredPose {
     /// When its frame was received, CLOCK_MONOTONIC \[ns\].
@@ -17,7 +16,6 @@ pub(super) struct MeasuredPose {
 }
 
 impl MeasuredPose {
-    /// Of a fit.
     pub fn of(received_ns: u64, fit: &JointPose) -> Self {
         let values = fit.pose.to_array();
         let eta = std::array::from_fn(|i| {

@@ -35,7 +35,7 @@ const RATE_LOOKS: usize = 20;
 /// A pose older than this says nothing about where the next frame shows the target \[s\].
 const FRESH_S: f64 = 1.0;
 
-/// What a thread leaves for the page.
+/// Note that a thread leaves for the page.
 #[derive(Debug, Clone)]
 pub(super) enum Note {
     Command(CommandRecord),

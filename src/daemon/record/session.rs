@@ -1,4 +1,4 @@
-//! What stands at the head of a recording: who, where, with what, under which conditions.
+//! Head of a recording: who, where, with what, under which conditions.
 
 use hydroline_capture::SourceDescription;
 use hydroline_core::build_info::BuildInfo;
@@ -6,7 +6,7 @@ use hydroline_core::session::Conditions;
 use hydroline_log::{Head, MetadataMap};
 use hydroline_rigs::{Plan, Rig};
 
-/// What a recording is made of.
+/// Inputs of a recording's head.
 #[derive(Debug, Clone)]
 pub struct SessionInput<'a> {
     /// The rig.
@@ -17,7 +17,7 @@ pub struct SessionInput<'a> {
     pub planned_s: Option<f64>,
     /// The camera as set up.
     pub source: &'a SourceDescription,
-    /// Conditions.
+    /// Conditions that the person at the tank states.
     pub conditions: &'a Conditions,
     /// The calibration in force, TOML.
     pub calibration_toml: Option<String>,

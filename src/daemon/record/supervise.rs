@@ -13,7 +13,7 @@ use hydroline_thruster::safety::{NeutralReason, State};
 use hydroline_thruster::service::PlanState;
 use std::time::Duration;
 
-/// How often the main thread looks around.
+/// Period at which the main thread looks around.
 const TICK: Duration = Duration::from_millis(100);
 /// From the moment everything is ready to the plan's first command.
 pub const LEAD: Duration = Duration::from_millis(500);

@@ -41,7 +41,7 @@ struct Model {
     state: Option<State>,
 }
 
-/// What a rig's curve may give at the neutral pulse \[N\]: no push.
+/// Largest thrust that a rig's curve may give at the neutral pulse \[N\]: no push.
 const NEUTRAL_N: f64 = 0.05;
 
 struct State {

@@ -33,7 +33,6 @@ pub(super) struct Seen {
     pub received_ns: u64,
     /// Its luma.
     pub image: GreyImage,
-    /// Its stripe.
     pub profile: Profile,
 }
 
@@ -121,7 +120,7 @@ pub(super) fn capture(
                 }
             }
         }
-        // What the driver already holds is not lost: at most one queue of it.
+        // Frames that the driver already holds are not lost: at most one queue of them.
         for _ in 0..DRAIN {
             match source.next(Duration::ZERO) {
                 Ok(Captured::Frame(frame)) => {
@@ -240,7 +239,7 @@ pub(super) fn poses(
     })
 }
 
-/// What the limits go by.
+/// Hands a measured pose to the limits, and to the page.
 fn measured(shared: &Shared, seen: &Seen, fit: &JointPose) {
     let measured = MeasuredPose::of(seen.received_ns, fit);
     *shared.pose.held() = Some(measured);

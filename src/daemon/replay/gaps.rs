@@ -12,9 +12,9 @@ pub struct Gap {
     pub from_s: f64,
     /// Last one \[s\].
     pub to_s: f64,
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Why its first frame has none: what comes later is often only because the place is not known any more.
+    /// Reason why its first frame has none: what comes later is often only because the place is not known any more.
     pub first_reason: String,
     /// No pose came behind it.
     pub to_the_end: bool,

@@ -1,4 +1,4 @@
-//! What is replayed: a log, or a folder of images that stands for one.
+//! Input of a replay: a log, or a folder of images in its place.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,9 +12,7 @@ use super::{Options, ReplayError};
 
 /// Messages in their order.
 pub(super) enum Input {
-    /// Of a log.
     Log(Box<LogReader>),
-    /// Of a folder.
     Folder(Box<Folder>),
 }
 
@@ -58,7 +56,7 @@ impl Input {
         }
     }
 
-    /// How the recording read its frames; `None` = it read none.
+    /// Rule by which the recording read its frames; `None` = it read none.
     pub fn grey_rule(&self) -> Option<GreyRule> {
         self.log().map(LogReader::grey_rule)
     }
@@ -68,7 +66,7 @@ impl Input {
         self.log()?.rig_toml()
     }
 
-    /// What of the metadata is not as it was written.
+    /// Metadata that is not as it was written.
     pub fn seal_findings(&self) -> Vec<SealFinding> {
         self.log().map_or_else(Vec::new, LogReader::seal_findings)
     }

@@ -37,7 +37,7 @@ fn under(run: &PoseRun, found: Found, found_by: &'static str) -> (PoseRun, Found
     (run, found, found.report(found_by))
 }
 
-/// What the recording says of it: in its summary, or where it has no end, in an event. (Of a recording in several parts the
+/// Response that the recording states: in its summary, or where it has no end, in an event. (Of a recording in several parts the
 /// first has the event, the last the summary.)
 /// Of a folder, of images on another topic and of levels read by another rule it says nothing.
 fn stated(log: &Path, options: &Options, run: &PoseRun) -> Result<Option<Found>, ReplayError> {
@@ -76,7 +76,7 @@ fn same_statement(logged: Option<&str>, run: &PoseRun) -> bool {
     ResponsePrior::of_rig(of_log.as_ref()) == *run.fitter().response_prior().0
 }
 
-/// What its first frames that show the target say.
+/// Response from the log's first frames that show the target.
 fn of_opening(log: &Path, options: &Options, run: &PoseRun) -> Result<Found, ReplayError> {
     let mut analyst = options.analyst();
     let mut opening = Opening::new(run, opening::Options::default());

@@ -14,7 +14,7 @@ use std::path::Path;
 /// Frames that a refinement looks at, at most twice as many in memory (0.4 MB each): spread over the run.
 const FRAMES: usize = 24;
 
-/// What a log's frames were found to share.
+/// Geometry that a log's frames were found to share.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct RefineReport {
     /// Frames looked at.
@@ -27,7 +27,7 @@ pub struct RefineReport {
     pub brightness: [f64; 2],
     /// Sheet's tilts a and b of x_b = l_laser + tan a z_b + tan b y_b, each with its sd \[rad\], where asked for.
     pub tilt_pitch_rad: Option<[f64; 2]>,
-    /// b.
+    /// Tilt b of that, with its sd \[rad\], where asked for.
     pub tilt_yaw_rad: Option<[f64; 2]>,
 }
 

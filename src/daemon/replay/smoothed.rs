@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// What binding the frames did.
+/// Account of a run whose frames were bound.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct SmoothReport {
     /// Frames given a pose.
@@ -35,7 +35,7 @@ pub struct SmoothReport {
     pub thickness_m: Option<f64>,
     /// Its sd \[m\].
     pub thickness_sd_m: f64,
-    /// What unknown accelerations were found to gain in one second \[m/s², rad/s²\].
+    /// sd that unknown accelerations were found to gain in one second \[m/s², rad/s²\].
     #[serde(rename = "push_per_root_s")]
     pub walk_sd_per_root_s: [f64; 6],
 }
@@ -139,7 +139,6 @@ fn measure(
     }
 }
 
-/// The message of a smoothed pose.
 fn message(frame: &Smoothed) -> VehicleMotion {
     let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
     VehicleMotion {

@@ -2,13 +2,13 @@
 #![allow(clippy::unwrap_used)]
 
 use hydroline_design::{Admission, Judge, Options, Purpose, Set, design, reach};
+use hydroline_numerics::parallel;
 use hydroline_plan::preflight::preflight;
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
 use nalgebra::{Cholesky, DMatrix};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
-use rayon::prelude::*;
 
 /// The paper's, a small ROV, a torpedo-shaped AUV.
 fn rig(name: &str) -> Rig {
@@ -168,14 +168,12 @@ fn designs_of_three_rigs_against_random_plans() {
             sum += information;
         }
         let of_set = per_number(&(sum / set.plans.len() as f64), own);
-        let drawn: Vec<f64> = (0..random as u64)
-            .into_par_iter()
-            .filter_map(|seed| {
-                let mut rng = StdRng::seed_from_u64(0xd0e5 + seed);
-                let plan = random_plan(&mut rng, &admission, &reach, options.length_s)?;
-                Some(per_number(&judge.information(&plan)?, own))
-            })
-            .collect();
+        let drawn = parallel::map(random, |seed| {
+            let mut rng = StdRng::seed_from_u64(0xd0e5 + seed as u64);
+            let plan = random_plan(&mut rng, &admission, &reach, options.length_s)?;
+            Some(per_number(&judge.information(&plan)?, own))
+        });
+        let drawn: Vec<f64> = drawn.into_iter().flatten().collect();
         let best = drawn.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let first = (each[0] - best).exp();
         let efficiency = (of_set - best).exp();

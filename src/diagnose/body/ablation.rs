@@ -1,4 +1,4 @@
-//! What each effect gains: the likeliest model built up again, one effect after the other.
+//! Gain of each effect: the likeliest model built up again, one effect after the other.
 
 use hydroline_inference::fit::{Effort, Fit};
 use hydroline_inference::summary::Rms;
@@ -47,7 +47,7 @@ impl Judged<'_> {
         }
     }
 
-    /// What the vehicle alone and the likeliest model miss of the runs held out or, without any, of each run by the others.
+    /// Errors of the vehicle alone and of the likeliest model on the runs held out or, without any, on each run by the others.
     fn predicted_already(&self) -> Option<(Rms, Rms)> {
         let held = self.held.as_ref().map(|(_, predicted)| predicted);
         Some(held.or(self.one_run_out.as_ref())?.rms)

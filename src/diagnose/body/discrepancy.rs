@@ -1,4 +1,4 @@
-//! What the library has no name for: forces along a covariate, random forces, laws that are only nearly the library's.
+//! Discrepancies that the library has no name for: forces along a covariate, random forces, laws only nearly the library's.
 
 use std::collections::BTreeSet;
 

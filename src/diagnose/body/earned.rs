@@ -1,4 +1,4 @@
-//! What a verdict has to show before it stands: what is left passes as the instruments' noise or is below the tolerance, no
+//! Conditions that a verdict has to meet: what is left passes as the instruments' noise or is below the tolerance, no
 //! coefficient ends on a limit, and each run is predicted by the others no worse than by the vehicle alone.
 
 use std::collections::BTreeMap;
@@ -24,10 +24,9 @@ const AT_LIMIT: f64 = 0.99;
 /// coefficient that is fitted too costs.
 const WORSE: f64 = 0.1;
 
-/// What is left in a channel.
+/// Residual of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
-    /// Channel.
     pub channel: Channel,
     /// rms of the residuals that no change of the model's numbers takes away \[SI\].
     pub rms: f64,
@@ -49,14 +48,15 @@ pub fn worst(all: &[Option<f64>]) -> f64 {
 }
 
 impl Left {
-    /// What is left beside the noise \[SI\].
+    /// rms of the residual beside the noise \[SI\]; 0 where the noise is larger, NaN where there is none.
     pub fn beyond(&self) -> f64 {
-        (self.rms.powi(2) - self.noise.powi(2)).max(0.0).sqrt()
+        let square = self.rms.powi(2) - self.noise.powi(2);
+        if square < 0.0 { 0.0 } else { square.sqrt() }
     }
 }
 
 impl Judged<'_> {
-    /// What the likeliest model leaves in every channel of every DOF that moves.
+    /// Residuals of the likeliest model in every channel of every DOF that moves.
     pub fn look_at_what_is_left(&self) -> Vec<Left> {
         let problem = &self.found.problem;
         let closest = problem.closest(&self.best.terms, &self.best.point);

@@ -6,6 +6,7 @@ use hydroline_identify::adopt::put;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
+use hydroline_inference::prediction::Prediction;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
@@ -14,7 +15,8 @@ use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
 use crate::verdict::{
-    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Parameters, Value,
+    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, LeaveOneRunOut, Parameters,
+    PredictedRun, Predictive, Value,
 };
 
 /// Probability from which an effect is listed.
@@ -45,7 +47,7 @@ fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
                 }
                 Some((p / sum, v))
             });
-            // What a model does not determine says nothing of the number.
+            // A model that does not determine a number says nothing of it.
             with.filter(|(_, v)| v.sd.is_some())
         };
         let share: f64 = each().map(|(p, _)| p).sum();
@@ -195,7 +197,7 @@ impl Judged<'_> {
         each.collect()
     }
 
-    /// What may stand in an effect's place, all others as they are.
+    /// Effects that may take an effect's place, all others as they are.
     fn exchanges(&self, term: usize) -> Vec<String> {
         let mut said = BTreeSet::new();
         for (terms, p) in self.posterior.models.iter().filter(|m| m.0.contains(&term)) {
@@ -306,9 +308,31 @@ impl Judged<'_> {
     }
 
     /// Each run as the others predict it.
-    pub fn leave_one_run_out(&self) -> Option<BeforeAfter> {
+    pub fn leave_one_run_out(&self) -> Option<LeaveOneRunOut> {
         let predicted = self.one_run_out.as_ref()?;
-        Some(self.before_after(&predicted.rms))
+        let problem = &self.found.problem;
+        let by_run = |of: &Prediction| -> Vec<Predictive> {
+            let left = problem.left_by_run(&of.values);
+            let each = left.iter().zip(problem.log_density(of));
+            let each = each.map(|(rms, log_predictive_density)| Predictive {
+                log_predictive_density,
+                rms: rms.by_name(),
+            });
+            each.collect()
+        };
+        let each = by_run(&predicted.before).into_iter();
+        let each = each.zip(by_run(&predicted.after));
+        let runs = problem.body.recording.runs.iter().zip(each);
+        Some(LeaveOneRunOut {
+            runs: runs
+                .map(|(run, (before, after))| PredictedRun {
+                    run: run.name.clone(),
+                    before,
+                    after,
+                })
+                .collect(),
+            rms: self.before_after(&predicted.rms),
+        })
     }
 
     /// sd of the instruments \[SI\].
@@ -351,7 +375,7 @@ impl Judged<'_> {
         for (member, t) in fit.terms.iter().enumerate() {
             let at = places[member];
             let c = &body.candidates[*t];
-            // How a law varies stands with the effect.
+            // The trend of a law is written with its effect.
             if self.stands(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! What the posterior says that matters.
+//! Findings of the posterior that matter.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -70,7 +70,7 @@ pub struct Judged<'a> {
     pub held: Option<(Problem, Predicted)>,
     /// Each run as the others predict it.
     pub one_run_out: Option<Predicted>,
-    /// What the likeliest model leaves, channel by channel.
+    /// Residuals of the likeliest model, channel by channel.
     pub left: Vec<Left>,
     /// Unnamed forces that were written down.
     pub closed: &'a [Closed],
@@ -166,7 +166,7 @@ impl<'a> Judged<'a> {
         if !self.unexplained.is_empty() {
             return Word::Unknown;
         }
-        // What predicts worse than nothing at all is no explanation, and a limit is none of these data.
+        // A model that predicts worse than the vehicle alone, or ends on a limit, is no explanation of these data.
         if !self.against().is_empty() {
             return Word::Unknown;
         }
@@ -202,7 +202,6 @@ impl<'a> Judged<'a> {
         }
     }
 
-    /// Remarks.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for (name, factor) in self.far_off() {
@@ -245,7 +244,7 @@ impl<'a> Judged<'a> {
         !self.best.terms.is_empty() && !self.something_matters() && self.predicts_worse()
     }
 
-    /// What speaks against the likeliest model as a whole, in words.
+    /// Objections to the likeliest model as a whole, in words; empty without any.
     pub fn against(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.on_a_limit() {
@@ -298,6 +297,6 @@ fn groups_of(
 pub fn relative(weight: &Rms, tolerance: &PerChannel<f64>) -> f64 {
     let each = weight.iter().zip(tolerance).map(|(w, t)| w / t);
     let finite = each.filter(|v| v.is_finite());
-    // What gives no finite motion by itself matters.
+    // An effect that gives no finite motion by itself matters.
     finite.reduce(f64::max).unwrap_or(f64::INFINITY)
 }

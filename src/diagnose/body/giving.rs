@@ -1,4 +1,4 @@
-//! Which DOFs are explained and which are inputs.
+//! Choice of the DOFs that are explained and of those that are inputs.
 //!
 //! A DOF that moves although no run commanded it, and that no model follows, drives the others as it was measured. What
 //! couples to it looks no better at first: each one given up is asked once more beside the others, and explained where the
@@ -13,7 +13,7 @@ use hydroline_rigs::{Dof, Rig};
 
 use crate::conclude::DiagnoseError;
 
-/// What a search needs.
+/// Runs, rig and progress that every search is given.
 pub struct Asking<'a> {
     pub runs: &'a [Run],
     pub rig: &'a Rig,
@@ -64,7 +64,7 @@ impl Asking<'_> {
             let others = without(&inputs, &[*d]);
             let asked = without(dofs, &others);
             let only = Options { cost: 0, ..options };
-            // What gives no finite motion is not followed.
+            // A model that gives no finite motion does not follow the DOF.
             let again = self.search(&asked, &others, only);
             if again.is_ok_and(|found| !found.given_up.contains(d)) {
                 inputs = others;

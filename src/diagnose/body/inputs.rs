@@ -1,4 +1,4 @@
-//! What was not explained but drove the rest: DOFs that moved as they were measured, and companions.
+//! Inputs that were not explained but drove the rest: DOFs that moved as they were measured, and companions.
 
 use hydroline_core::run::{COMPANIONS, Channel};
 use hydroline_inference::body::Body;
@@ -9,7 +9,6 @@ use crate::verdict::Unexplained;
 /// Companions that move a hull by themselves.
 const FINS: [usize; 2] = [0, 1];
 
-/// Inputs of a diagnosis.
 pub struct Inputs<'a> {
     body: &'a Body,
     /// DOFs that the user said are inputs.
@@ -32,7 +31,7 @@ impl Inputs<'_> {
         each.map(str::to_owned).collect()
     }
 
-    /// What moves a given DOF, in words; `None` = nobody knows.
+    /// Cause of a given DOF's motion, in words; `None` = nobody knows.
     fn cause(&self, dof: usize) -> Option<String> {
         if self.asked.contains(&dof) {
             return Some("as asked".to_owned());
@@ -74,7 +73,6 @@ impl Inputs<'_> {
         runs.fold(0.0, f64::max)
     }
 
-    /// Remarks.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self
             .body

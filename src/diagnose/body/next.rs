@@ -6,11 +6,10 @@ use hydroline_calib::calibration::Calibration;
 use hydroline_design::Admission;
 use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
-use hydroline_numerics::cancel;
+use hydroline_numerics::{cancel, parallel};
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, Rig};
 use hydroline_sim::Allocation;
-use rayon::prelude::*;
 
 use super::found::{Judged, LISTED};
 use crate::verdict::NextExperiment;
@@ -80,14 +79,12 @@ impl Judged<'_> {
             let each = each.collect::<Option<Vec<_>>>()?;
             each.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let mut scored: Vec<(Plan, usize, f64)> = plans
-            .into_par_iter()
-            .filter_map(|plan| {
-                cancel::check();
-                let (nearest, gain) = gain(&plan)?;
-                gain.is_finite().then_some((plan, nearest, gain))
-            })
-            .collect();
+        let scored = parallel::map_owned(plans, |plan| {
+            cancel::check();
+            let (nearest, gain) = gain(&plan)?;
+            gain.is_finite().then_some((plan, nearest, gain))
+        });
+        let mut scored: Vec<(Plan, usize, f64)> = scored.into_iter().flatten().collect();
         // Ties go to the first name: the same plan in every run.
         scored.sort_by(|a, b| b.2.total_cmp(&a.2).then_with(|| a.0.name.cmp(&b.0.name)));
         let considered: BTreeMap<String, f64> = scored
@@ -125,7 +122,7 @@ impl Judged<'_> {
         Some((next, offers))
     }
 
-    /// What matters by the verdict, and what else may: sets that tie with it, or else the likeliest in which something else
+    /// Set that matters by the verdict, and its rivals: sets that tie with it, or else the likeliest in which something else
     /// matters.
     fn rivals(&self) -> (BTreeSet<usize>, Vec<(BTreeSet<usize>, &Fit)>) {
         let Some((set, first)) = self.groups.first().cloned() else {

@@ -1,4 +1,4 @@
-//! What the report draws: a channel of every DOF that moves, measured and by both models.
+//! Traces that the report draws: a channel of every DOF that moves, measured and by both models.
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::figures::edges;

@@ -73,7 +73,7 @@ fn names(shape: Shape) -> [&'static str; NUMBERS] {
 }
 
 impl Judged<'_> {
-    /// What was written down of a table.
+    /// Closed forms found for a table; `None` where there are none.
     fn closed(&self, table: usize) -> Option<&Closed> {
         self.closed.iter().find(|c| c.table == table)
     }
@@ -84,7 +84,7 @@ impl Judged<'_> {
         let scales = &self.found.problem.body.candidates[candidate].scales;
         let each = scales.iter().enumerate().map(|(i, s)| {
             let v = self.value(fit, at + i);
-            // What the form holds is no estimate.
+            // A number that the form holds is no estimate.
             let free = s.limits.0 < s.limits.1;
             Value {
                 sd: v.sd.filter(|_| free),

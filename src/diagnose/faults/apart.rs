@@ -7,7 +7,7 @@ const APART_SD: f64 = 6.0;
 /// Without an outlier its neighbours fit each other at least this much better.
 const ISOLATED: f64 = 0.5;
 
-/// How far sample `present[i]` lies from the cubic through its four present neighbours.
+/// Distance of sample `present[i]` from the cubic through its four present neighbours.
 fn apart(times_s: &[f64], values: &[f64], present: &[usize], i: usize) -> f64 {
     if i < 2 || i + 2 >= present.len() {
         return 0.0;

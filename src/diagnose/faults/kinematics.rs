@@ -10,7 +10,7 @@ use hydroline_rigs::Rig;
 use super::fault;
 use crate::verdict::DataFault;
 
-/// How much better a column has to be another thing than what it is called.
+/// Factor by which a column has to fit another quantity better than the one that it is called.
 const BETTER: f64 = 3.0;
 /// Samples looked at: of more every second, third …
 const SAMPLES: usize = 3000;
@@ -58,7 +58,7 @@ impl Columns {
     }
 }
 
-/// What kinematics say of the names of rates.
+/// Faults of rates whose names kinematics contradict.
 pub fn kinematics(run: &Run, rig: &Rig) -> Vec<DataFault> {
     let columns = Columns::new(run);
     let tolerance = rig.tolerance.channels();

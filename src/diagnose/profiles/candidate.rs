@@ -61,7 +61,7 @@ impl Base {
     }
 }
 
-/// What a ray meets: the optics without what only changes brightness.
+/// Optics that decide where a ray goes: those given, but for the numbers that only change brightness.
 fn shape(optics: &Optics, plain: &Optics) -> Optics {
     Optics {
         sheet_sigma_m: plain.sheet_sigma_m,

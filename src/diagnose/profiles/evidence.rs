@@ -5,11 +5,11 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// log likelihood about 0: c + bᵀx − xᵀAx/2.
 #[derive(Debug, Clone)]
 pub struct Quadratic {
-    /// A.
+    /// A: minus the second derivative.
     pub a: DMatrix<f64>,
-    /// b.
+    /// b: gradient at 0.
     pub b: DVector<f64>,
-    /// c.
+    /// c: value at 0.
     pub c: f64,
 }
 

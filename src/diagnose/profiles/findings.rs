@@ -1,4 +1,4 @@
-//! What the profiles say, as part of the verdict.
+//! Findings of the profiles, as part of the verdict.
 
 mod effects;
 mod figures;
@@ -31,34 +31,26 @@ const CHANNELS: [&str; 6] = ["x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_r
 
 /// Why there is no finding.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {
-    /// A log.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// The rig's motion.
     #[error("image level: {0}")]
     Sim(#[from] SimError),
     /// The rig's `[[physics]]`.
     #[error("image level: {0}")]
     Effect(#[from] EffectError),
-    /// Too few frames.
     #[error(
         "image level: {found} of {frames} frames show a stripe, at least {LEAST_FRAMES} are needed: is the laser on, is it the rig's camera?"
     )]
-    Few {
-        /// With a stripe.
-        found: usize,
-        /// In the logs.
-        frames: usize,
-    },
-    /// No pose.
+    Few { found: usize, frames: usize },
     #[error(
         "image level: no frame lies on the rig's floor and target, whatever effect is assumed: is it the rig's target?"
     )]
     NoPose,
 }
 
-/// What the profiles say.
+/// Findings of the image level.
 #[derive(Debug, Clone)]
 pub struct Findings {
     /// One word.
@@ -89,7 +81,7 @@ pub struct Findings {
     pub poses: Vec<Vec<(f64, [f64; 6])>>,
     /// Section of the report with its pictures.
     pub section: Body,
-    /// Remarks.
+    /// Remarks for the verdict.
     pub notes: Vec<String>,
     /// Sets of effects looked at.
     pub sets_looked_at: usize,
@@ -134,7 +126,7 @@ pub fn explain(
     let base = Base::new(rig)?;
     let candidates = library(&base);
     let plain = base.optics(&[]).ok_or(ImageError::NoPose)?;
-    // What lights the picture comes first: rows, widths and edges are read from the frames without it.
+    // The light comes first: rows, widths and edges are read from frames without what lights the picture.
     let look = |geometry| Lit::new(runs, rig, &base, geometry, candidates.len(), progress);
     let mut lit = look(Geometry::new(rig, plain));
     let mut cleared = enough(&lit.runs, runs)?;

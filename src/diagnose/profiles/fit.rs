@@ -29,15 +29,15 @@ const EARLY: usize = 3;
 /// Change of the log posterior below which a fit has settled.
 const SETTLED: f64 = 0.02;
 
-/// What all fits of a diagnosis work on.
+/// Rig, runs and priors that all fits of a diagnosis share.
 pub struct Problem<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// Its optics.
     pub base: Base,
-    /// Runs.
+    /// Frames of each run.
     pub runs: &'a [ImageRun],
-    /// How each moves.
+    /// Motion prior of each run.
     pub motions: Vec<Motion>,
     /// Shared numbers.
     pub shared: Vec<Shared>,
@@ -53,7 +53,7 @@ pub struct State {
     pub shared: Vec<f64>,
     /// Numbers per effect, as in the registry.
     pub numbers: Vec<Vec<f64>>,
-    /// How the vehicle moves beside its model.
+    /// Disturbance of the vehicle's motion beside its model, per DOF.
     pub motion_priors: MotionPriors,
     /// Spread beyond the measurements' own, per [`Kind`] \[px\].
     pub floors: [f64; 3],
@@ -62,11 +62,11 @@ pub struct State {
 /// One measurement after a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Left {
-    /// Run.
+    /// Index of the run.
     pub run: usize,
     /// Frame of the run.
     pub frame: usize,
-    /// What.
+    /// Kind of measurement.
     pub kind: Kind,
     /// Where \[px\].
     pub at_px: [f64; 2],
@@ -85,22 +85,22 @@ pub struct Fitted {
     pub state: State,
     /// log evidence.
     pub log_evidence: f64,
-    /// What the evidence gains where an effect may do without some of its numbers.
+    /// Gain of log evidence where an effect may do without some of its numbers \[nat\].
     pub simpler: f64,
     /// Standard deviations of the numbers.
     pub sds: Vec<Vec<f64>>,
     /// Posterior precision of the numbers in units of their priors, poses and shared ones eliminated.
     pub masked: DMatrix<f64>,
-    /// What is left of each measurement.
+    /// Residual of each measurement.
     pub left: Vec<Left>,
-    /// What each frame's measurements belong to, run by run.
+    /// Height, top and side that each frame's measurements belong to, run by run.
     pub belongs: Vec<Belongs>,
 }
 
-/// Which parts of a fit are free.
+/// Parts of a fit that are free.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Free {
-    /// Everything.
+    /// Poses, shared numbers and effects.
     All,
     /// Poses alone: shared numbers and effects are taken over from elsewhere.
     Poses,
@@ -230,7 +230,7 @@ impl<'a> Problem<'a> {
                 break;
             };
             let change = work.spread(&next, l);
-            // What belongs to what may have changed with the poses, and the floors have.
+            // The assignment to heights and edges may have changed with the poses, and the floors have.
             let again = work.linear()?;
             let same = again.belongs == best.belongs;
             best = again;

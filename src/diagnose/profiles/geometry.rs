@@ -67,7 +67,7 @@ pub struct Meeting {
 pub struct Ahead {
     /// Ahead of the sheet \[m\].
     pub off_m: f64,
-    /// How much farther ahead the ray is per metre that it comes down. On a surface that rises ahead by p per metre it is
+    /// Metres that the ray gains ahead per metre that it comes down. On a surface that rises ahead by p per metre it is
     /// `off_m` / (1 + p run) ahead.
     pub run: f64,
 }
@@ -135,7 +135,7 @@ impl Geometry {
         }
     }
 
-    /// How far ahead of the sheet a body point lies, along x_b \[m\].
+    /// Distance of a body point ahead of the sheet, along x_b \[m\].
     fn off_m(&self, p: &Vector3<f64>) -> f64 {
         let o = &self.optics;
         let flat = p.x - o.l_laser_m - o.sheet_tan_pitch * p.z - o.sheet_tan_yaw * p.y;
@@ -254,8 +254,9 @@ fn straightened(seen: [f64; 2], k: &[f64; 4]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture::lshpi_rig;
     use hydroline_rigs::{ParameterValue, PhysicsEntry};
-    use hydroline_sim::{EffectStack, Pose6, Renderer, fixture::lshpi_rig};
+    use hydroline_sim::{EffectStack, Pose6, Renderer};
 
     fn entry(effect: &str, numbers: &[(&str, f64)]) -> PhysicsEntry {
         PhysicsEntry {
@@ -302,7 +303,7 @@ mod tests {
             let geometry = Geometry::new(&rig, stack.optics(Optics::new(&rig)));
             let truth = Renderer::new(&rig)
                 .unwrap()
-                .profile_truth(&Pose6::from(pose.to_array()));
+                .profile_truth(&Pose6::from(pose.to_array()).into());
             assert!(truth.len() > 500);
             for p in truth {
                 let ray = geometry.ray(f64::from(p.column_px), p.row_px);

@@ -1,4 +1,4 @@
-//! What the frames show of effects whose numbers are known: the observer's side of a sealed case.
+//! Test of whether the frames show effects whose numbers are known: the observer's side of a sealed case.
 //!
 //! Fits begin at the known numbers, so that no search stands between the frames and the answer: an effect is shown where
 //! the model with all that is there is worth more than the one without it, by what establishes it. Compared with what a
@@ -72,7 +72,7 @@ pub fn shown(
         .collect())
 }
 
-/// What moves the stripe, fitted from its known numbers, but for one candidate.
+/// Fit of the effects that move the stripe, from their known numbers, but for one candidate.
 fn without_one(
     problem: &Problem<'_>,
     candidates: &[Candidate],

@@ -5,7 +5,7 @@ use super::observe::{Bin, Edge, Seen};
 use hydroline_numerics::cancel;
 use hydroline_pose::outline::Edge as Side;
 
-/// What is shared by all frames whatever the hypothesis, with the spread of its prior.
+/// Numbers shared by all frames whatever the hypothesis, with the spread of their priors.
 ///
 /// Extraction and blur are not perfect; what they do wrong they do in every frame alike, so it
 /// does not average out and must be free, or it passes for physics.
@@ -43,7 +43,7 @@ impl Shared {
     }
 }
 
-/// Which kind of measurement a residual is.
+/// Kind of measurement that a residual is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Row of a bin.
@@ -55,7 +55,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All.
+    /// All kinds, in the order of a fit's floors.
     pub const ALL: [Kind; 3] = [Kind::Row, Kind::Width, Kind::End];
 
     /// Share of measurements that are something else, and how far off they may be \[px\].
@@ -107,14 +107,14 @@ impl Rays {
     }
 }
 
-/// What each measurement of a frame belongs to.
+/// Height, top and side that each measurement of a frame belongs to.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Belongs {
     /// Index into the heights per bin.
     pub bins: Vec<usize>,
     /// (height, top, side of its outline) per edge; `None`: none that could be it.
     pub edges: Vec<Option<(usize, usize, usize)>>,
-    /// How near a corner each edge lies: its column has this sd besides \[px\].
+    /// Sd that a corner nearby adds to each edge's column \[px\].
     pub corner_sd_px: Vec<f64>,
 }
 

@@ -187,7 +187,7 @@ mod tests {
             // A DOF without a force has only the disturbance.
             assert!(chosen(present, false, &value(0.0)).sd > 1e-3);
         }
-        // What cannot be better stays as it is.
+        // A prior that nothing betters stays as it is.
         assert_eq!(chosen(wide, true, &|_| Some(1.0)), wide);
         assert_eq!(chosen(wide, true, &|_| None), wide);
     }

@@ -1,4 +1,4 @@
-//! What a log's frames show: stripe points, their widths, and where tops end.
+//! Measurements in a log's frames: stripe points, their widths, and where tops end.
 //!
 //! Everything here is measured in the image and knows no pose, target or effect. Where the log
 //! names a calibration, pixels are first brought to where the rig's ideal camera would see the

@@ -1,4 +1,4 @@
-//! How a vehicle moves between frames: the rig's own motion, its coefficients uncertain, and a
+//! Motion of a vehicle between frames: the rig's own motion, its coefficients uncertain, and a
 //! disturbance whose size and correlation time the data decide.
 //!
 //! Per run and DOF the pose at the frames' stamps is normal about what the rig's model does with
@@ -30,7 +30,7 @@ const SHIFT_SD_S: f64 = 0.1;
 /// The path's direction against the rig's \[rad\].
 const HEADING_SD: f64 = 0.1;
 
-/// What the data decide about one DOF.
+/// Disturbance of one DOF, as the data decide it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionPrior {
     /// Standard deviation \[m\], \[rad\].
@@ -64,7 +64,7 @@ pub const FIRST: MotionPriors = {
 #[derive(Debug, Clone)]
 pub struct Motion {
     times_s: Vec<f64>,
-    /// What the rig's model does, per frame.
+    /// Pose by the rig's model, per frame.
     pub mean: Vec<[f64; 6]>,
     /// Per DOF: regressors with their spread already in them.
     regressors: [Vec<DVector<f64>>; 6],
@@ -125,7 +125,7 @@ impl Motion {
         })
     }
 
-    /// Frames.
+    /// Number of frames.
     pub fn frames(&self) -> usize {
         self.times_s.len()
     }

@@ -5,9 +5,9 @@ use super::fit::{Fitted, Free, Problem, State};
 use super::model::Kind;
 use super::prior::FIRST;
 use super::start;
+use hydroline_numerics::parallel;
 use hydroline_sim::effect::CheckedEffect;
 use nalgebra::DVector;
-use rayon::prelude::*;
 use std::collections::HashSet;
 
 /// log prior odds of each effect more: one in twenty.
@@ -39,7 +39,7 @@ const DONORS: usize = 2;
 /// Effects in one explanation at most.
 const DEEPEST: usize = 3;
 
-/// What the search found.
+/// Outcome of the search.
 pub struct Searched {
     /// Without effects.
     pub nothing: Fitted,
@@ -177,7 +177,7 @@ pub fn search(
         }
     };
     let mut all = vec![nothing.clone()];
-    keep_better(others.into_iter().map(|o| o.1).collect(), &mut all);
+    keep_better(others.into_iter().map(|o| Some(o.1)).collect(), &mut all);
     let singles: Vec<usize> = (0..candidates.len()).collect();
     extend(
         problem,
@@ -263,11 +263,10 @@ fn exchange(
             (vec![k], begin)
         });
         let tries: Vec<(Vec<usize>, State)> = instead.chain(alone).collect();
-        let found: Vec<Fitted> = tries
-            .into_par_iter()
-            .filter_map(|(effects, begin)| problem.fit(candidates, &effects, begin, Free::All))
-            .map(|f| settled(problem, candidates, f, &best))
-            .collect();
+        let found = parallel::map_owned(tries, |(effects, begin)| {
+            let fit = problem.fit(candidates, &effects, begin, Free::All)?;
+            Some(settled(problem, candidates, fit, &best))
+        });
         keep_better(found, all);
         sort(all);
         if all.first().is_some_and(|b| b.effects == best.effects) {
@@ -297,16 +296,13 @@ fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>)
             .take(BEAM)
             .flat_map(|f| (0..f.effects.len()).map(move |k| (f.clone(), k)))
             .collect();
-        let found: Vec<Fitted> = tries
-            .into_par_iter()
-            .filter_map(|(f, k)| {
-                let mut begin = f.state.clone();
-                begin.numbers.remove(k);
-                let mut effects = f.effects.clone();
-                effects.remove(k);
-                problem.fit(candidates, &effects, begin, Free::All)
-            })
-            .collect();
+        let found = parallel::map_owned(tries, |(f, k)| {
+            let mut begin = f.state.clone();
+            begin.numbers.remove(k);
+            let mut effects = f.effects.clone();
+            effects.remove(k);
+            problem.fit(candidates, &effects, begin, Free::All)
+        });
         if !keep_better(found, all) {
             break;
         }
@@ -335,10 +331,9 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
             }
         }
     }
-    let found: Vec<Fitted> = tries
-        .into_par_iter()
-        .filter_map(|(f, state)| problem.fit(candidates, &f.effects, state, Free::All))
-        .collect();
+    let found = parallel::map_owned(tries, |(f, state)| {
+        problem.fit(candidates, &f.effects, state, Free::All)
+    });
     keep_better(found, all)
 }
 
@@ -394,20 +389,17 @@ fn share(
             break;
         }
         progress("what one found of the frames, for the others");
-        let found: Vec<Fitted> = tries
-            .into_par_iter()
-            .filter_map(|(effects, begin, least_gain)| {
-                if let Some(least) = least_gain
-                    && problem
-                        .screened(candidates, &effects, begin.clone())?
-                        .log_evidence
-                        < least
-                {
-                    return None;
-                }
-                problem.fit(candidates, &effects, begin, Free::All)
-            })
-            .collect();
+        let found = parallel::map_owned(tries, |(effects, begin, least_gain)| {
+            if let Some(least) = least_gain
+                && problem
+                    .screened(candidates, &effects, begin.clone())?
+                    .log_evidence
+                    < least
+            {
+                return None;
+            }
+            problem.fit(candidates, &effects, begin, Free::All)
+        });
         if !keep_better(found, all) {
             break;
         }
@@ -482,39 +474,36 @@ fn extend(
         .flat_map(|f| with.iter().map(move |k| (f, *k)))
         .filter(|(f, k)| !f.effects.contains(k))
         .collect();
-    let found: Vec<Fitted> = tries
-        .into_par_iter()
-        .filter_map(|(f, k)| {
-            let mut effects = f.effects.clone();
-            effects.push(k);
-            let names: Vec<&str> = effects.iter().map(|e| candidates[*e].info.id).collect();
-            progress(&names.join(" + "));
-            let mut begin = f.state.clone();
-            begin.numbers.push(candidates[k].neutral.clone());
-            // Onto what explains the frames already, only what has a predicted gain is worth a fit.
-            if !f.effects.is_empty() {
-                let seen = problem.screened(candidates, &effects, begin.clone())?;
-                if seen.log_evidence < f.log_evidence + PROMISING {
-                    return None;
-                }
+    let found = parallel::map_slice(&tries, |&(f, k)| {
+        let mut effects = f.effects.clone();
+        effects.push(k);
+        let names: Vec<&str> = effects.iter().map(|e| candidates[*e].info.id).collect();
+        progress(&names.join(" + "));
+        let mut begin = f.state.clone();
+        begin.numbers.push(candidates[k].neutral.clone());
+        // Onto what explains the frames already, only what has a predicted gain is worth a fit.
+        if !f.effects.is_empty() {
+            let seen = problem.screened(candidates, &effects, begin.clone())?;
+            if seen.log_evidence < f.log_evidence + PROMISING {
+                return None;
             }
-            // The motion priors of nothing make up for the very effect that is looked for: new ones too.
-            let single = f.effects.is_empty();
-            let anew = single.then(|| State {
-                motion_priors: FIRST,
-                ..begin.clone()
-            });
-            let fits = std::iter::once(begin)
-                .chain(anew)
-                .filter_map(|b| problem.fit(candidates, &effects, b, Free::All));
-            let best = fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
-            Some(if single {
-                settled(problem, candidates, best, f)
-            } else {
-                best
-            })
+        }
+        // The motion priors of nothing make up for the very effect that is looked for: new ones too.
+        let single = f.effects.is_empty();
+        let anew = single.then(|| State {
+            motion_priors: FIRST,
+            ..begin.clone()
+        });
+        let fits = std::iter::once(begin)
+            .chain(anew)
+            .filter_map(|b| problem.fit(candidates, &effects, b, Free::All));
+        let best = fits.max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))?;
+        Some(if single {
+            settled(problem, candidates, best, f)
+        } else {
+            best
         })
-        .collect();
+    });
     keep_better(found, all);
 }
 
@@ -559,9 +548,9 @@ fn settled(
 }
 
 /// The better of two fits of a set stays; whether anything became better by what counts.
-fn keep_better(found: Vec<Fitted>, all: &mut Vec<Fitted>) -> bool {
+fn keep_better(found: Vec<Option<Fitted>>, all: &mut Vec<Fitted>) -> bool {
     let mut better = false;
-    for fit in found {
+    for fit in found.into_iter().flatten() {
         let same = |o: &Fitted| {
             o.effects.len() == fit.effects.len()
                 && o.effects.iter().all(|e| fit.effects.contains(e))

@@ -92,8 +92,7 @@ pub(super) fn whiteness(shown: &Shown, traces: &[Trace]) -> Option<Figure> {
     ))
 }
 
-/// What the model without effects leaves of a run: `more` = windows with more than noise,
-/// `strong` = windows in which the unnamed force is strong \[s\].
+/// Residual of a run by the model without effects; `more` = windows with more than noise \[s\].
 pub(super) fn misses(shown: &Shown, trace: &Trace, more: Vec<[f64; 2]>) -> Figure {
     let channel = shown.channel.as_str();
     let quantity = Quantity::of(channel);

@@ -200,7 +200,7 @@ pub(super) fn ablation(b: &mut Body, v: &Verdict) {
     b.table(table);
 }
 
-/// What an alternative lacks, does without need, or does as well.
+/// Comparison of an alternative with the best, in words: effects it lacks, adds without need, or exchanges.
 fn why(
     v: &Verdict,
     a: &crate::verdict::Alternative,
@@ -209,12 +209,7 @@ fn why(
     let Some(best) = best.filter(|b| *b != a) else {
         return "the first".to_owned();
     };
-    let matters: Vec<&str> = v
-        .effects
-        .iter()
-        .filter(|e| e.matters)
-        .map(|e| e.effect.as_str())
-        .collect();
+    let matters = v.mattering();
     let lacks: Vec<&str> = best
         .effects
         .iter()
@@ -307,7 +302,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
     b.table(table);
 }
 
-/// What is not identifiable, next run, remarks.
+/// Last sections: blind spots, next run, remarks.
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {

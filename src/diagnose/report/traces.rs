@@ -1,4 +1,4 @@
-//! What the figures show: each run measured, and as the model has it without and with the effects.
+//! Traces of the figures: each run measured, and as the model has it without and with the effects.
 
 /// A channel in the report's figures.
 #[derive(Debug, Clone)]

@@ -11,74 +11,46 @@ use super::NOISE_KEY;
 use hydroline_log::messages::{pb, timestamp, unix_ns};
 use hydroline_log::{LogError, LogReader, Record};
 
-/// Why a log gives no run.
+/// Failure to make a run of a log.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum LoadError {
-    /// The file.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Thrusters of the rig.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
-    /// Nothing to fit.
     #[error(
         "{log}: no /vehicle/motion in it ({frames} images); {}",
         if *frames > 0 { "first measure the pose: hydroline replay LOG --rig RIG --out NEW.mcap" } else { "record, replay or import motion first" }
     )]
-    NoMotion {
-        /// File.
-        log: String,
-        /// Images in it.
-        frames: usize,
-    },
-    /// A window without a sample.
+    NoMotion { log: String, frames: usize },
     #[error(
         "{log}: no motion between {from_s} s and {to_s} s; it ends at {end_s:.2} s: choose another LOG@FROM..TO"
     )]
     EmptyWindow {
-        /// File.
         log: String,
-        /// The window \[s\].
         from_s: f64,
-        /// See `from_s`.
         to_s: f64,
-        /// The log's last sample \[s\].
         end_s: f64,
     },
-    /// A command to a thruster nobody knows.
     #[error(
         "{log}: {commands} commands to '{thruster}', which is neither a thruster of the rig ({known}) nor surge, sway, heave, roll, pitch, yaw; use the rig this log was made with"
     )]
     UnknownThruster {
-        /// File.
         log: String,
-        /// Its name.
         thruster: String,
-        /// How many.
         commands: usize,
-        /// Thrusters of the rig.
         known: String,
     },
-    /// The log was made with another vehicle.
     #[error(
         "{log}: another vehicle than the rig's by the rig it carries: {differences}; give the rig of this vehicle, or --other-rig if they are one"
     )]
-    OtherVehicle {
-        /// File.
-        log: String,
-        /// What distinguishes them.
-        differences: String,
-    },
-    /// A command that is no number.
+    OtherVehicle { log: String, differences: String },
     #[error("{log}: the command to '{thruster}' at {t_s:.3} s is {value}; it must be finite")]
     CommandNotFinite {
-        /// File.
         log: String,
-        /// Thruster.
         thruster: String,
-        /// When \[s\].
         t_s: f64,
-        /// What.
         value: f64,
     },
 }

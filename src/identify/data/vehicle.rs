@@ -21,7 +21,7 @@ fn same_place(a: &Thruster, b: &Thruster) -> bool {
             .all(|i| same(a.position_m[i], b.position_m[i]) && same(a.direction[i], b.direction[i]))
 }
 
-/// What tells two vehicles apart, one item each: name, mass, thrusters (number, names, channels, places, directions).
+/// Differences between two vehicles, one item each: name, mass, thrusters (number, names, channels, places, directions).
 /// Coefficients and the thrusters' curve are what identification finds, and are not compared.
 pub fn differences(log: &Rig, rig: &Rig) -> Vec<String> {
     let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! Which equations these runs call for, and which of their coefficients are free.
+//! Choice of the equations that these runs call for, and of the coefficients that are free.
 
 use super::{ModelChoice, Options};
 use crate::parameter::Coefficient;

@@ -44,7 +44,7 @@ impl Fit<'_> {
         let (variance, freedom) = self.variance()?;
         let of_data = self.problem.normal(&self.at)?.hessian;
         let prior_sds: Vec<f64> = coefficients.iter().map(|c| c.prior_sd(rig)).collect();
-        // What is held is known no better than the rig knows it: carried into the others' intervals.
+        // A held coefficient is known no better than the rig knows it: carried into the others' intervals.
         for i in (0..coefficients.len()).filter(|i| self.held[*i]) {
             if coefficients[i].of_vehicle(&rig.vehicle) == 0.0
                 && coefficients[i].identified_sd(rig).is_none()
@@ -81,7 +81,7 @@ impl Fit<'_> {
             let sd = block[(i, i)].sqrt();
             let size = value.abs().max(c.size(rig));
             let excited = !self.held[i] && sd.is_finite() && sd < UNEXCITED * size;
-            // What is held widens the profile's interval as it widens the sd.
+            // The held coefficients widen the profile's interval as they widen the sd.
             let wider = sd / beside_held[(i, i)].sqrt();
             let profile = profiles.remove(&i).map(|p| Profile {
                 low: value + (p.low - value) * wider,
@@ -212,7 +212,7 @@ impl Fit<'_> {
         Ok(found)
     }
 
-    /// What the estimates' covariance gains where a slot scatters less than the logs' own sd: the rest of that sd is
+    /// Covariance that the estimates gain where a slot scatters less than the logs' own sd: the rest of that sd is
     /// an error that samples have alike (of the calibration, of the camera's response), which no scatter shows. Its shape in
     /// time is not known, and so it counts like more of the noise: C (M - H) C with M the information of noise `short`
     /// times smaller.
@@ -355,7 +355,7 @@ impl Fit<'_> {
         }
     }
 
-    /// What the logs say of a slot's sd, beside what was found.
+    /// sd of a slot as the logs say it, beside the noise found; `None` where they say none.
     fn logged(&self, slot: usize) -> Option<Logged> {
         let median_sd = self.problem.references()[slot]?;
         let slots = self.forward.slots().len();

@@ -462,7 +462,7 @@ pub(super) fn hold_undetermined(
         at[i] = globals[i].start;
         now.push(i);
         let refit = lm::descend(problem, at.clone(), held, REFIT_ENOUGH).or_else(|_| {
-            // What was fitted beside the old value may not even stay finite beside the new one.
+            // Values fitted beside the old one may not even stay finite beside the new one.
             for (value, free) in at.iter_mut().zip(globals) {
                 *value = free.start;
             }

@@ -46,7 +46,7 @@ pub(super) fn cross_validate(
         }
         let mut held = vec![false; start.len()];
         held[..globals].copy_from_slice(&fit.held[..globals]);
-        // What only the run left out shows would drift freely here: it stays at the rig's value.
+        // A coefficient that only the run left out shows would drift freely here: it stays at the rig's value.
         let mut start = lm::descend(&problem, start, &held, ENOUGH)?.0.parameters;
         let (now, _) = hold_undetermined(&problem, &mut start, &mut held, UNEXCITED)?;
         let trained = lm::descend(&problem, start, &held, ENOUGH)?.0;

@@ -89,8 +89,8 @@ pub(super) fn centred(run: &Run, keep_heading: bool) -> Run {
     run
 }
 
-/// What a run that is driven later shows before its first load, if that is a stretch at rest that measures noise,
-/// and when that load comes \[s\].
+/// Stretch before the first load of a run that is driven later, if it is at rest and measures noise,
+/// and the time of that load \[s\].
 pub(super) fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<(Run, f64)> {
     let first = run
         .commands

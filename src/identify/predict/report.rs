@@ -12,7 +12,7 @@ use hydroline_rigs::{Dof, Rig, Tolerance};
 /// Height of a panel of rates or residuals \[px\].
 const LOW_PX: f64 = 90.0;
 
-/// What `predict --report` writes.
+/// Output of `predict --report`.
 #[derive(Debug, Clone)]
 pub struct Pages {
     /// The page.

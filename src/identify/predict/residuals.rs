@@ -11,7 +11,7 @@ const OTHER_LOAD: f64 = 0.05;
 /// Share of samples with other loads above which the log is of another plan: steps are sent some samples late.
 const OTHER_PLAN: f64 = 0.1;
 
-/// Why a run cannot be laid on a prediction.
+/// Failure to lay a run on a prediction.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "{log}: no motion during the prediction (0 .. {length_s:.2} s, which begins at {start_s:.2} s of the log); its motion is of {first_s:.2} .. {last_s:.2} s: give a log of this plan, or the plan of this log (--plan)"
@@ -25,7 +25,7 @@ pub struct NotBeside {
 }
 
 /// A measured run in the prediction's time.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Measured {
     /// The run.
     pub log: String,
@@ -45,16 +45,16 @@ pub struct Measured {
     /// sd of the residual: of the prediction, and of the sample as the log says it; NaN = neither is known \[SI\].
     #[serde(skip)]
     pub sd: Vec<PerChannel<f64>>,
-    /// What is odd about the comparison, one sentence each.
+    /// Remarks on the comparison (loads that are not the plan's), one sentence each.
     pub notes: Vec<String>,
 }
 
-/// What the prediction misses of a channel \[SI\].
+/// Residuals of one channel against the prediction \[SI\].
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Beside {
     /// Name, unit in it.
     pub channel: &'static str,
-    /// Samples.
+    /// Number of samples in which it is measured.
     pub samples: usize,
     /// rms of measured minus predicted.
     pub rms: f64,
@@ -123,12 +123,7 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
     let mut found = Measured {
         log: run.name.clone(),
         start_s,
-        channels: Vec::new(),
-        t_s: Vec::new(),
-        motion: Vec::new(),
-        residual: Vec::new(),
-        sd: Vec::new(),
-        notes: Vec::new(),
+        ..Measured::default()
     };
     for sample in &run.samples {
         let t_s = sample.t_s - start_s;

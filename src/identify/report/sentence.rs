@@ -1,4 +1,4 @@
-//! What was found, in one sentence: the coefficients, and whether anything is left in the residuals.
+//! Result in one sentence: the coefficients, and whether anything is left in the residuals.
 
 use crate::outcome::{Estimate, Identification};
 use hydroline_report::significant;
@@ -6,7 +6,6 @@ use hydroline_report::significant;
 /// So many coefficients stand in the sentence itself; more are only counted.
 const SAID: usize = 4;
 
-/// The sentence.
 pub(super) fn sentence(result: &Identification) -> String {
     let all: Vec<&Estimate> = result
         .order
@@ -54,7 +53,7 @@ fn value(p: &Estimate) -> String {
     )
 }
 
-/// What the residuals say.
+/// Sentence on the residuals.
 fn left(result: &Identification) -> String {
     let at_rest = |n: &crate::outcome::SlotNoise| n.source == "measured at rest";
     let ratio = result.variance_ratio.sqrt();

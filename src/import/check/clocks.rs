@@ -2,7 +2,7 @@
 
 use super::{Finding, FindingList, quantile};
 
-/// What came by so far.
+/// Stamps seen so far: steps back, repetitions, gaps and missing rows, with their counts.
 #[derive(Debug, Default)]
 pub(super) struct Clocks {
     rows: usize,
@@ -19,7 +19,7 @@ pub(super) struct Clocks {
     missing: f64,
 }
 
-/// How often, the first line, and the first or longest step \[s\].
+/// Number of such steps, line of the first, and its size (of gaps: the longest) \[s\].
 #[derive(Debug, Default, Clone, Copy)]
 struct Counted {
     count: usize,
@@ -150,7 +150,7 @@ impl Clocks {
             step_s,
         } = self.back;
         if count > 0 {
-            // What a counter that starts again from 0 goes back by, nearly.
+            // Largest range of a counter that starts again from 0: its step back is 0.9 to 1 times that.
             let turn = [
                 (32, 1e-6, "us"),
                 (32, 1e-3, "ms"),

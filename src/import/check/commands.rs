@@ -13,7 +13,7 @@ const ABSURD: f64 = 20.0;
 /// The same of a component `surge` .. `yaw` against what all thrusters make together.
 const ABSURD_TOGETHER: f64 = 5.0;
 
-/// What each command reached so far.
+/// Extent and largest size of each command's load so far.
 #[derive(Debug)]
 pub(super) struct Loads {
     extents: Vec<Extent>,

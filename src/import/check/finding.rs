@@ -1,6 +1,6 @@
-//! What was found.
+//! Findings about a table: severity, kind, line and message.
 
-/// How bad.
+/// Severity of a finding, the least first.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, schemars::JsonSchema,
 )]
@@ -17,7 +17,7 @@ pub enum Severity {
 /// One finding.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Finding {
-    /// How bad.
+    /// Severity of the finding.
     pub severity: Severity,
     /// Stable machine word.
     pub kind: &'static str,
@@ -53,15 +53,13 @@ impl Finding {
         }
     }
 
-    /// What it is about: the words before the first colon, or none.
+    /// Subject of the message: the words before the first colon, or none.
     pub(crate) fn subject(&self) -> &str {
         self.message.split_once(':').map_or("", |(s, _)| s)
     }
 }
 
-/// A list that findings are added to.
 pub(crate) trait FindingList {
-    /// Adds one.
     fn add(&mut self, finding: Finding);
 
     /// A fault of the file as a whole.
@@ -69,7 +67,6 @@ pub(crate) trait FindingList {
         self.add(Finding::fault(kind, None, message));
     }
 
-    /// A fault that begins at a line.
     fn fault_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
         self.add(Finding::fault(kind, line, message));
     }
@@ -79,12 +76,10 @@ pub(crate) trait FindingList {
         self.add(Finding::warning(kind, None, message));
     }
 
-    /// A warning about what begins at a line.
     fn warning_at(&mut self, kind: &'static str, line: Option<u64>, message: String) {
         self.add(Finding::warning(kind, line, message));
     }
 
-    /// What is good to know.
     fn info(&mut self, kind: &'static str, message: String) {
         self.add(Finding::info(kind, message));
     }

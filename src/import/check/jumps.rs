@@ -11,7 +11,7 @@ use crate::table::Imported;
 
 pub(super) use zeros::of_the_same_body;
 
-/// What a channel's rows are not.
+/// Rows of a channel that hold no motion, and the findings about them.
 pub(super) struct Jumps {
     /// Rows of no motion: their values are to be left out.
     pub spoilt: Vec<Range<usize>>,

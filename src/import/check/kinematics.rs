@@ -14,7 +14,7 @@ use hydroline_identify::data::unwrap_turns;
 use spans::Distances;
 use tracks::{Tracks, Vector};
 
-/// What the map says.
+/// Assumptions that the map makes about rows and velocities.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Assumed {
     /// Rows may leave channels out: they are compared with lines between the rows that do not.
@@ -199,7 +199,7 @@ fn words<'a>(
     }
 }
 
-/// What a gain may come from.
+/// Likely cause of a gain, for the message.
 fn hint(gain: f64) -> &'static str {
     let degrees = 180.0 / PI;
     [
@@ -237,7 +237,7 @@ fn wraps(data: &Imported, findings: &mut Vec<Finding>) -> Vec<Vec<f64>> {
     pose
 }
 
-/// What is to be said where both frames fit, since the heading hardly leaves the tank's axis; `clear` = they are away by more than noise.
+/// Finding where both frames fit, since the heading hardly leaves the tank's axis; `clear` = they are away by more than noise.
 fn untold(tracks: &Tracks<'_>, seen: &Distances, assumed: Assumed, clear: bool) -> Finding {
     let (says, other) = if assumed.in_tank {
         ("tank", "body")
@@ -291,7 +291,7 @@ fn frame(
     let Some(seen) = tracks.distances(tank, &other) else {
         return false;
     };
-    // What is away by no more than noise and sampling make says nothing.
+    // A difference no larger than noise and sampling make says nothing.
     let unexplained = options.moves_variances * seen.noise + seen.unresolved;
     let is_away = |of: f64| of > unexplained && of > options.away_least_share * seen.way;
     if !is_away(seen.own) {

@@ -1,4 +1,4 @@
-//! What the checks go by: every threshold of kinematics, jumps and single channels, with its reason.
+//! Options of the checks: every threshold of kinematics, jumps and single channels, with its reason.
 
 use super::STUCK_ROWS;
 
@@ -23,7 +23,7 @@ pub struct Options {
     pub better_correlation: f64,
     /// Share of the way's mean square that velocities are away if they are nothing like it.
     pub away_share: f64,
-    /// What the right frame leaves of the mean square by which the wrong one is away.
+    /// Largest ratio of the mean square that the right frame leaves to that by which the wrong one is away.
     pub closer_share: f64,
     /// Share that velocities in the wrong frame are away at least: a heading that is off by 8 degrees makes as much.
     pub away_least_share: f64,
@@ -50,7 +50,7 @@ pub struct Options {
     pub push_sudden_mps2: f64,
     /// and turn it less than such a force half a metre off would \[rad/s²\].
     pub turn_sudden_radps2: f64,
-    /// What comes back after so many rows was lost; what does not has moved.
+    /// Rows within which a lost channel returns after a jump; one that does not has moved.
     pub away_rows: usize,
     /// Share of a jump that what comes back does so by at once.
     pub back_share: f64,

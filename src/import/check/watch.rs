@@ -106,7 +106,6 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// A row went by.
     pub fn row(&mut self, sample: &Sample) {
         self.stretch.push(sample, self.map);
         self.rows += 1;
@@ -124,7 +123,6 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// One stretch.
     fn look(&mut self) {
         let data = std::mem::take(&mut self.stretch);
         if data.times_s.len() - self.old < 1 || data.times_s.len() < 4 {
@@ -195,7 +193,7 @@ impl<'a> Watch<'a> {
         own.is_some_and(|c| matches!(c.origin, Origin::Value(_)))
     }
 
-    /// What the file's 0 becomes; NaN where it is mixed with other columns.
+    /// Channel's value for a 0 in the file; NaN where it is mixed with other columns.
     fn zero(&self, place: usize) -> f64 {
         // A lost body's quaternion is that of no turn.
         if (3..6).contains(&place) && self.map.quaternion.is_some() {

@@ -12,6 +12,7 @@ pub(crate) fn granularity(stamps_ns: &[i128]) -> i128 {
 }
 
 /// Rows at a rate, with gaps where the stamps say so.
+#[derive(Default)]
 pub(crate) struct EvenRows {
     rate_hz: f64,
     period_ns: f64,
@@ -35,15 +36,7 @@ impl EvenRows {
             rate_hz,
             period_ns: 1e9 / rate_hz,
             granularity_ns: granularity_ns as f64,
-            start: None,
-            first_stamp_ns: 0,
-            last_stamp_ns: 0,
-            rows: 0,
-            gaps: Vec::new(),
-            gap_count: 0,
-            missing: 0,
-            behind: (0, 0),
-            farthest_ns: 0.0,
+            ..EvenRows::default()
         }
     }
 

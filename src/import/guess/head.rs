@@ -6,15 +6,13 @@ use crate::map::Encoding;
 use crate::source::Source;
 use crate::text::{Format, Lines};
 
-/// Bytes looked at.
 const HEAD_BYTES: u64 = 1 << 19;
-/// Lines looked at.
 const LINES_MAX: usize = 3000;
 
 /// The first lines.
 #[derive(Debug)]
 pub(super) struct Head {
-    /// What the map must say of the encoding; `None` = nothing.
+    /// Encoding that the map must state; `None` = none.
     pub encoding: Option<Encoding>,
     /// (number, text)
     pub lines: Vec<(u64, String)>,
@@ -37,14 +35,13 @@ impl Head {
             encoding = Some(Encoding::Latin1);
             lines = read(&bytes, Format::of(&bytes, encoding))?.0;
         }
-        // What was cut in the middle is no line.
+        // A line cut in the middle is no line.
         if !whole && lines.len() > 1 {
             lines.pop();
         }
         Ok(Head { encoding, lines })
     }
 
-    /// Text of a line by its number.
     pub fn line(&self, number: u64) -> &str {
         self.lines
             .iter()
@@ -52,7 +49,7 @@ impl Head {
             .map_or("", |l| l.1.as_str())
     }
 
-    /// What follows a key at the beginning of a line, such as `FREQUENCY<tab>100`.
+    /// Text behind a key at the beginning of a line, such as `FREQUENCY<tab>100`.
     pub fn value(&self, key: &str, separator: char) -> Option<&str> {
         self.lines.iter().find_map(|(_, line)| {
             let (own, rest) = line.split_once(separator)?;

@@ -1,4 +1,4 @@
-//! What instruments and programs write before and around their tables.
+//! Heads and layouts that known instruments and programs write around their tables.
 
 mod mocap;
 mod ros;

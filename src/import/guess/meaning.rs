@@ -1,4 +1,4 @@
-//! What a column's name says that it is.
+//! Meaning of a column by its name.
 
 pub(super) mod words;
 pub(super) mod written;
@@ -6,7 +6,6 @@ pub(super) mod written;
 pub(super) use words::Words;
 use words::{is_time, is_way_or_speed, split};
 
-/// What a column may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
     /// A stamp.
@@ -49,7 +48,7 @@ use Meaning::{
     Quaternion, Seconds, Thruster, Time, Unknown, Velocity,
 };
 
-/// How far from the truth a value may be, or how it was come by: never the value itself.
+/// Words for a value's uncertainty, or for how it was come by: never the value itself.
 const UNCERTAINTY: &str = "cov covar covariance covariances var variance std stddev stdev sd sigma uncertainty residual error err \
     rms";
 /// Behind a name: that it is the measured one.
@@ -62,7 +61,7 @@ const WISHED: &str = "setpoint sp desired des target tgt goal ref reference want
 const BESIDE: &str = "status flag quality acc accel accelerometer acceleration accelerations mag magnetometer temperature temp \
     voltage pressure bias gain comment seq sequence sub rot marker_quality count valid";
 
-/// Whether a word stands in a list of words with blanks between them.
+/// Whether a list of words with blanks between them contains a word.
 fn listed(list: &str, word: &str) -> bool {
     list.split(' ').any(|w| w == word)
 }

@@ -18,10 +18,9 @@ use left::{Left, Why};
 /// Components of a load, in the order of the channels.
 const LOADS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
-/// What turns so many times more than another does so clearly.
+/// A body that turns so many times more about one axis than about another does so clearly.
 const CLEARLY: f64 = 4.0;
 
-/// One channel.
 #[derive(Debug, Clone)]
 struct Channel {
     place: usize,
@@ -31,7 +30,7 @@ struct Channel {
     questions: Vec<String>,
 }
 
-/// What moves, and what was commanded.
+/// Measured channels and commanded loads of a table, as the map will name them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Motion {
     channels: Vec<Channel>,
@@ -47,9 +46,8 @@ pub(super) struct Motion {
     y_up: bool,
     /// A heading beyond a turn is in degrees, or goes on over several turns in radians.
     angle_open: bool,
-    /// What is not mapped and why.
+    /// Columns that are not mapped, and why.
     left: Left,
-    /// What else is to be said.
     notes: Vec<String>,
 }
 

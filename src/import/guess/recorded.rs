@@ -69,7 +69,7 @@ fn bundles<'a>(recording: &'a Recording, dead: &Dead) -> Vec<Bundle<'a>> {
             all.push(Bundle { topic, fields });
         }
     }
-    // What holds more together comes first; of equals the one that stands first in the log.
+    // A topic with more groups together comes first; of equals the one that is first in the log.
     all.sort_by_key(|b| std::cmp::Reverse(b.groups()));
     all
 }
@@ -99,7 +99,7 @@ fn element(path: &str) -> Option<(&str, usize)> {
     Some((list, number.parse().ok()?))
 }
 
-/// How a draft is written where the log leaves something open.
+/// Choices of a draft where the log leaves something open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Open {
     in_tank: bool,
@@ -415,7 +415,7 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
     };
     let mut draft = plan.write(first);
     let mut found = faults(recording, &draft)?;
-    // What never moves is left out, or taken from another topic that has it; each time some channel goes.
+    // A channel that never moves is left out, or taken from another topic that has it; each time some channel goes.
     loop {
         let own = found.2.iter().filter_map(|name| plan.source_of(name));
         let more: Vec<(String, usize)> = own.collect();
@@ -479,7 +479,7 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
     }))
 }
 
-/// What an import with the drafted map would say, how bad that is, and which channels never move.
+/// Faults of an import with the drafted map, their score, and the channels that never move.
 type Found = (Vec<(&'static str, String)>, usize, Vec<String>);
 
 fn faults(recording: &Recording, draft: &Draft) -> Result<Found, RecordedError> {

@@ -1,4 +1,4 @@
-//! Where names, units and data stand in a table of no known kind.
+//! Places of names, units and data in a table of no known kind.
 
 use super::head::Head;
 use super::stats::Stats;
@@ -10,7 +10,7 @@ use crate::unit;
 mod unit_text;
 pub(super) use unit_text::is_unit;
 
-/// What lines of notes begin with.
+/// Marks at the beginning of a line of notes.
 const COMMENTS: [&str; 4] = ["#", "%", "//", ";"];
 /// Rows of data that tell the separator.
 const ROWS_JUDGED: usize = 200;
@@ -20,13 +20,12 @@ const ROWS_JUDGED: usize = 200;
 pub(super) struct Named {
     /// As the header has it; empty = none.
     pub name: String,
-    /// What stands above it: a marker, a body, a kind of value.
+    /// Text above the name: a marker, a body, a kind of value.
     pub group: String,
     /// Its unit, as the file writes it.
     pub unit: Option<String>,
 }
 
-/// A table's form.
 #[derive(Debug, Clone)]
 pub(super) struct Shape {
     pub kind: &'static str,
@@ -39,7 +38,7 @@ pub(super) struct Shape {
     /// Units that the kind of file has where it writes none.
     pub units: Defaults,
     pub remarks: Vec<String>,
-    /// What unlabelled columns may be: they are proposed, none is chosen.
+    /// Messages that unlabelled columns may be of: they are proposed, none is chosen.
     pub open: Vec<Proposal>,
 }
 
@@ -51,7 +50,7 @@ pub(super) struct Proposal {
     pub tables: Vec<(String, &'static str, usize)>,
 }
 
-/// What a kind of file is measured in where it does not say.
+/// Units and axes of a kind of file where the file states none.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Defaults {
     /// For lengths and speeds.

@@ -17,7 +17,6 @@ fn value(cell: &str, file: &FileMap) -> Option<f64> {
     number(&ungrouped(cell, file.thousands, file.decimal), file.decimal)
 }
 
-/// One column.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Column {
     pub numbers: usize,
@@ -93,7 +92,6 @@ impl Column {
     }
 }
 
-/// All columns.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stats {
     pub rows: usize,

@@ -36,10 +36,9 @@ const RATES_FAST: [f64; 10] = [
     250.0, 256.0, 300.0, 360.0, 400.0, 500.0, 512.0, 1000.0, 1024.0, 2000.0,
 ];
 
-/// What the map says of time.
+/// Table `[time]` of the guessed map.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Time {
-    /// Columns that are time.
     pub columns: Vec<usize>,
     /// Between rows \[s\].
     pub interval_s: f64,
@@ -75,7 +74,7 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
     }
     let mut named = of(Meaning::Time);
     named.extend(of(Meaning::Seconds));
-    // What goes on before what does not, and a message's own stamp before that of its receipt.
+    // A column that ascends comes before one that does not, and a message's own stamp before that of its receipt.
     let is_own = |i: usize| {
         let words = Words::of(&shape.columns[i].name).words;
         ["header", "stamp"]

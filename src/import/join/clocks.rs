@@ -6,8 +6,26 @@ use super::{From, Relation};
 /// UNIX time against a clock that no one sets: (that clock, UNIX) \[ns\].
 pub(super) type Pairs = Vec<(i128, i128)>;
 
-/// A line through differences: value at a place, slope, and their variances.
-fn line(points: &[(f64, f64)]) -> Option<(f64, f64, f64, f64, f64)> {
+/// A line through differences, by their mean place.
+struct Line {
+    middle: f64,
+    value: f64,
+    value_variance: f64,
+    slope: f64,
+    slope_variance: f64,
+}
+
+impl Line {
+    fn at(&self, x: f64) -> f64 {
+        self.value + self.slope * (x - self.middle)
+    }
+
+    fn variance_at(&self, x: f64) -> f64 {
+        self.value_variance + self.slope_variance * (x - self.middle).powi(2)
+    }
+}
+
+fn line(points: &[(f64, f64)]) -> Option<Line> {
     let n = points.len() as f64;
     if points.len() < 3 {
         return None;
@@ -27,7 +45,13 @@ fn line(points: &[(f64, f64)]) -> Option<(f64, f64, f64, f64, f64)> {
         .map(|p| (p.1 - my - slope * (p.0 - mx)).powi(2))
         .sum();
     let variance = rest / (n - 2.0);
-    Some((my, slope, variance / n, variance / sxx, mx))
+    Some(Line {
+        middle: mx,
+        value: my,
+        value_variance: variance / n,
+        slope,
+        slope_variance: variance / sxx,
+    })
 }
 
 /// `None` = no such records in both, or of two hosts or two starts of one.
@@ -55,18 +79,16 @@ pub(super) fn relation(pair: &Pair) -> Option<Relation> {
             .collect()
     };
     let (la, lb) = (line(&of(a))?, line(&of(b))?);
-    let at = |l: (f64, f64, f64, f64, f64), x: f64| l.0 + l.1 * (x - l.4);
     let bases_s = ((a[0].1 - a[0].0) - (b[0].1 - b[0].0)) as f64 * 1e-9;
     // Place of the first command on the common clock.
     let own_s = (i128::from(pair.reference_ns()) - b[0].1 + b[0].0 - zero) as f64 * 1e-9;
-    let offset_s = bases_s + at(la, own_s) - at(lb, own_s);
-    let spread = |l: (f64, f64, f64, f64, f64)| l.2 + l.3 * (own_s - l.4).powi(2);
+    let offset_s = bases_s + la.at(own_s) - lb.at(own_s);
     Some(Relation {
         from: From::Clocks,
         offset_s,
-        offset_sd_s: (spread(la) + spread(lb)).sqrt(),
-        drift_ppm: (la.1 - lb.1) / (1.0 + lb.1) * 1e6,
-        drift_sd_ppm: (la.3 + lb.3).sqrt() * 1e6,
+        offset_sd_s: (la.variance_at(own_s) + lb.variance_at(own_s)).sqrt(),
+        drift_ppm: (la.slope - lb.slope) / (1.0 + lb.slope) * 1e6,
+        drift_sd_ppm: (la.slope_variance + lb.slope_variance).sqrt() * 1e6,
         reference_ns: pair.reference_ns(),
         warnings: Vec::new(),
     })

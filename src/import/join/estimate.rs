@@ -107,6 +107,15 @@ pub fn align(
     drift: Option<f64>,
     within_s: (f64, f64),
 ) -> Result<Aligned, String> {
+    Ok(fitted(problem, drift, within_s)?.0)
+}
+
+/// As [`align`], with all unknowns where they were found, and which of them were held.
+pub(super) fn fitted(
+    problem: &Problem,
+    drift: Option<f64>,
+    within_s: (f64, f64),
+) -> Result<(Aligned, DVector<f64>, Vec<bool>), String> {
     if problem.dofs.is_empty() {
         return Err(
             "no degree of freedom is both commanded (with a load that changes) and measured"
@@ -181,13 +190,12 @@ pub fn align(
             second.0 - best.0
         ));
     }
-    Ok(Aligned {
+    let aligned = Aligned {
         offset_s: at[0] + back * at[1],
         offset_sd_s: variance.sqrt(),
         drift: at[1] * DRIFT_UNIT,
         drift_sd: vd.max(0.0).sqrt() * DRIFT_UNIT,
         warnings,
-        #[cfg(test)]
-        at: (at, held),
-    })
+    };
+    Ok((aligned, at, held))
 }

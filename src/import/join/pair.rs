@@ -65,12 +65,12 @@ fn own_clock_ns(reader: &LogReader) -> Option<i128> {
     number(RELATIVE_ORIGIN)?.checked_sub(number(RELATIVE_START)?)
 }
 
-/// What both logs hold of motion, commands and clocks.
+/// Motion, commands and clocks of both logs.
 pub struct Pair {
     motion_name: String,
     command_name: String,
     motion: Vec<pb::VehicleMotion>,
-    /// Where they change.
+    /// Commands that change a load.
     commands: Vec<pb::ThrusterCommand>,
     /// Changes beyond what an estimate takes.
     more_changes: usize,
@@ -139,7 +139,7 @@ impl Pair {
             match message?.record {
                 Record::Command(c) => {
                     widen(&mut ends, c.stamp_ns().unwrap_or(0));
-                    // What is sent again says nothing of the offset.
+                    // A command that is sent again says nothing of the offset.
                     // Of a pulse the load is the curve's, whatever stands beside it.
                     let value = (c.thrust_n.to_bits(), c.pulse_us.to_bits());
                     if last.insert(c.thruster.clone(), value) == Some(value) {
@@ -176,7 +176,7 @@ impl Pair {
         self.rig_toml.as_deref()
     }
 
-    /// What is to be added to the commands' stamps so that both logs go by their files' own clocks as if those were one
+    /// Seconds to add to the commands' stamps so that both logs go by their files' own clocks as if those were one
     /// \[s\]; `None` = one of them was on UNIX time.
     pub(super) fn zeros_s(&self) -> Option<f64> {
         let [motion, commands] = self.own_clocks_ns;

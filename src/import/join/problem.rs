@@ -1,15 +1,11 @@
-//! What is fitted: measured series, loads, and what a set of unknowns leaves of them.
+//! Problem that a fit solves: measured series, loads, and what a set of unknowns leaves of them.
 
 use nalgebra::{DMatrix, DVector};
 
 use hydroline_core::run::{Channel, Run};
 use hydroline_numerics::information::Covariance;
 
-#[cfg(test)]
-use super::estimate::Fit;
 use super::response::{COEFFICIENTS, Loads, simulate};
-#[cfg(test)]
-use hydroline_numerics::least_squares::LeastSquares;
 
 /// Places of offset and drift among the unknowns; drift in parts per thousand, which makes both of one size.
 pub(super) const SHARED: usize = 2;
@@ -26,7 +22,7 @@ pub(super) struct Series {
     pub(super) rho: f64,
 }
 
-/// What is to be aligned.
+/// Measured series and loads that are to be aligned.
 pub struct Problem {
     pub(super) times_s: Vec<f64>,
     /// Of each degree of freedom, by the commands' clock from the first on \[s\].
@@ -51,9 +47,6 @@ pub struct Aligned {
     pub drift_sd: f64,
     /// For a person.
     pub warnings: Vec<String>,
-    /// All unknowns, and which of them were held.
-    #[cfg(test)]
-    pub(super) at: (DVector<f64>, Vec<bool>),
 }
 
 /// Ways along the body's axes, summed from sample to sample by the attitude between them.
@@ -205,26 +198,6 @@ impl Problem {
         (vo + 2.0 * back * vod + back * back * vd, vd)
     }
 
-    /// The least sd of offset and drift that any estimate can have under white noise of these sds, all coefficients
-    /// unknown too (Cramer and Rao).
-    #[cfg(test)]
-    pub(super) fn bound(&self, found: &Aligned, sds: &[f64]) -> Result<[f64; 2], String> {
-        let mut own = self.copy();
-        for (s, sd) in own.series.iter_mut().zip(sds) {
-            (s.sd, s.rho) = (*sd, 0.0);
-        }
-        let (at, held) = &found.at;
-        let mut fit = Fit {
-            problem: &own,
-            held: held.clone(),
-        };
-        let mut residuals = Vec::new();
-        fit.begin(at, &mut residuals)?;
-        let normal = fit.linearise(at, &residuals)?;
-        let (offset, drift) = own.variances(&normal.hessian, held);
-        Ok([offset.sqrt(), drift.sqrt() * DRIFT_UNIT])
-    }
-
     pub(super) fn copy(&self) -> Problem {
         let series = self.series.iter().map(|s| Series {
             values: s.values.clone(),
@@ -256,7 +229,7 @@ impl Problem {
             let free = (count as f64 - COEFFICIENTS as f64).max(1.0);
             s.sd = (power / free).sqrt().max(1e-12);
             let rho = lagged / power.max(f64::MIN_POSITIVE);
-            // What white noise shows by chance is none.
+            // A correlation that white noise may show by chance counts as none.
             let chance = 2.5 / (count as f64).sqrt();
             s.rho = if rho.abs() > chance {
                 rho.clamp(-0.9, 0.999)

@@ -4,8 +4,12 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
+use super::estimate::{Fit, fitted};
+use super::problem::DRIFT_UNIT;
 use super::{Problem, align};
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
+use hydroline_numerics::least_squares::LeastSquares;
+use nalgebra::DVector;
 
 /// A vehicle of one degree of freedom, by small steps of another scheme than the estimate's.
 struct Pair {
@@ -92,19 +96,37 @@ fn pair(seed: u64, has_velocity: bool) -> Pair {
     }
 }
 
+/// The least sd of offset and drift that any estimate can have under white noise of these sds, all coefficients
+/// unknown too (Cramer and Rao).
+fn bound(problem: &Problem, at: &DVector<f64>, held: &[bool], sds: &[f64]) -> [f64; 2] {
+    let mut own = problem.copy();
+    for (s, sd) in own.series.iter_mut().zip(sds) {
+        (s.sd, s.rho) = (*sd, 0.0);
+    }
+    let mut fit = Fit {
+        problem: &own,
+        held: held.to_vec(),
+    };
+    let mut residuals = Vec::new();
+    fit.begin(at, &mut residuals).unwrap();
+    let normal = fit.linearise(at, &residuals).unwrap();
+    let (offset, drift) = own.variances(&normal.hessian, held);
+    [offset.sqrt(), drift.sqrt() * DRIFT_UNIT]
+}
+
 /// Share of intervals of 95 % that hold the truth, and the mean sd against the bound, for offset and drift.
 fn coverage(pairs: u64, has_velocity: bool) -> [(f64, f64); 2] {
     let (mut inside, mut ratio) = ([0.0; 2], [0.0; 2]);
     for seed in 0..pairs {
         let p = pair(seed, has_velocity);
         let problem = Problem::new(&p.motion, &p.commands);
-        let found = align(&problem, None, (-10.0, 10.0)).unwrap();
+        let (found, at, held) = fitted(&problem, None, (-10.0, 10.0)).unwrap();
         let sds = if has_velocity {
             vec![SD_M, SD_MPS]
         } else {
             vec![SD_M]
         };
-        let bound = problem.bound(&found, &sds).unwrap();
+        let bound = bound(&problem, &at, &held, &sds);
         let errors = [
             (found.offset_s - p.offset_s, found.offset_sd_s, bound[0]),
             (found.drift - p.drift, found.drift_sd, bound[1]),

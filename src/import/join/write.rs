@@ -13,7 +13,7 @@ use hydroline_log::{
 use super::pair::Pair;
 use super::{JoinError, Joined, Relation};
 
-/// What `diagnose` reads.
+/// Metadata `session` of a joined log, as `diagnose` reads it.
 fn session(relation: &Relation, motion: &Path, commands: &Path) -> MetadataMap {
     let name = |p: &Path| p.display().to_string();
     MetadataMap::from([

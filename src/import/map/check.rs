@@ -20,13 +20,19 @@ pub(super) struct Checker<'a> {
     pub file: &'a str,
 }
 
-/// What a place measures.
 pub(crate) fn dimension(place: usize) -> Dimension {
+    const OF_COMPANIONS: [Dimension; COMPANIONS.len()] = [
+        Dimension::Angle,
+        Dimension::Angle,
+        Dimension::Rate,
+        Dimension::Length,
+    ];
     match place {
-        0..3 | 15 => Dimension::Length,
-        3..6 | 12 | 13 => Dimension::Angle,
+        0..3 => Dimension::Length,
+        3..6 => Dimension::Angle,
         6..9 => Dimension::Speed,
-        _ => Dimension::Rate,
+        9..12 => Dimension::Rate,
+        companion => OF_COMPANIONS[companion - 12],
     }
 }
 
@@ -312,7 +318,6 @@ impl Checker<'_> {
         }
     }
 
-    /// Sign and scale together.
     fn factor(&self, key: &str, sign: Option<f64>, scale: Option<f64>) -> Result<f64, MapError> {
         let (sign, scale) = (sign.unwrap_or(1.0), scale.unwrap_or(1.0));
         if sign.abs() != 1.0 {

@@ -1,36 +1,26 @@
-//! What is wrong with a map.
+//! Errors of a map.
 
-/// What is wrong with a map.
+/// Error in a map, with the key and what to do.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum MapError {
-    /// The file.
     #[error("{path}: {source}; check the path and permissions")]
     Unreadable {
-        /// Path.
         path: String,
-        /// Why.
         source: std::io::Error,
     },
-    /// TOML or its keys.
     #[error(
         "{file}: {source}\nhydroline import --help shows a map; mend the line, or give another --map"
     )]
     Toml {
-        /// File.
         file: String,
-        /// Where and what.
         source: Box<toml::de::Error>,
     },
-    /// A value.
     #[error("{file}: {key} is {value}; {allowed}")]
     Value {
-        /// File.
         file: String,
-        /// Key.
         key: String,
-        /// As given.
         value: String,
-        /// What it may be.
         allowed: String,
     },
 }

@@ -105,7 +105,6 @@ pub struct RawCommand {
     pub missing_value: Option<f64>,
 }
 
-/// The file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawMap {

@@ -13,7 +13,7 @@ pub(super) struct Wanted {
     /// Place in the contents' topics, and path within.
     pub(super) topic: usize,
     pub(super) path: String,
-    /// What an empty cell means there.
+    /// Meaning of an empty cell there.
     pub(super) missing: Missing,
     /// Messages without the field, and with one that is no finite number.
     pub(super) absent: u64,
@@ -206,7 +206,7 @@ impl Columns {
         let mut own = map.clone();
         own.file = crate::map::FileMap::plain();
         if self.topics().len() > 1 {
-            // What holds is held within its own topic, where the table is written: in a row of another topic nothing was
+            // A value that holds does so within its own topic, where the table is written: in a row of another topic nothing was
             // measured. A command holds anyway.
             own.channels
                 .iter_mut()

@@ -1,4 +1,4 @@
-//! What a log of another program holds: its topics, and the fields that a map can name.
+//! Contents of another program's log: its topics, and the fields that a map can name.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -24,13 +24,13 @@ pub struct FieldContents {
 }
 
 /// One topic.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct TopicContents {
     /// Topic; several senders, sensors or bodies of one name have theirs in brackets.
     pub topic: String,
     /// The kind of message.
     pub schema: String,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
     /// Of them, those with a stamp of their own.
     pub stamped: u64,
@@ -47,19 +47,18 @@ pub struct TopicContents {
 /// All of it.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Contents {
-    /// What wrote it.
+    /// Kind of log, such as `PX4 ULog`.
     pub kind: &'static str,
     /// Messages that were read or passed over.
     pub messages: u64,
     /// Topics, in the order of the log.
     pub topics: Vec<TopicContents>,
-    /// What could not be read.
+    /// Damaged records, and messages that could not be read.
     pub unreadable: Vec<Unreadable>,
     /// Bytes between records that belong to none.
     pub skipped_bytes: u64,
 }
 
-/// Gathers the contents.
 #[derive(Default)]
 pub(super) struct Gather {
     topics: Vec<TopicContents>,
@@ -80,12 +79,7 @@ impl Gather {
         self.topics.push(TopicContents {
             topic: topic.to_owned(),
             schema: schema.to_owned(),
-            messages: 0,
-            stamped: 0,
-            first_ns: None,
-            last_ns: None,
-            rate_hz: None,
-            fields: Vec::new(),
+            ..TopicContents::default()
         });
         self.seen.push((HashMap::new(), 0));
         self.places.insert(topic.to_owned(), self.topics.len() - 1);

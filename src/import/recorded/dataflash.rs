@@ -12,7 +12,7 @@ const HEAD: [u8; 2] = [0xa3, 0x95];
 const FORMAT_TYPE: u8 = 0x80;
 const FORMAT_BYTES: usize = 89;
 
-/// How records of a type are written.
+/// Record layout of a type.
 #[derive(Debug, Clone, Default)]
 struct Format {
     name: String,
@@ -51,7 +51,7 @@ fn letter(c: char) -> Option<(Kind, Option<usize>, f64)> {
     }
 }
 
-/// What is known of the log so far.
+/// Formats and units that the log has stated so far.
 #[derive(Default)]
 struct Learnt {
     formats: HashMap<u8, Format>,
@@ -152,7 +152,7 @@ fn mark(
         else {
             continue;
         };
-        // What the format's letter is worth is in the value already.
+        // The value contains the factor of the format's letter already.
         let power = power.and_then(|p| powers.get(&p)).copied().unwrap_or(0.0);
         let own = if power > 0.0 {
             power / field.scale
@@ -249,11 +249,7 @@ fn message(
         log_ns: stamp_ns,
         stamp_ns,
         leaves,
-        unit: &|path| {
-            let name = path.split('[').next().unwrap_or(path);
-            let field = format.fields.iter().find(|f| f.name == name)?;
-            Some(field.unit.clone()).filter(|u| !u.is_empty())
-        },
+        unit: &|path| packed::unit_of(&format.fields, path),
     };
     Ok(sink.message(&whole)?)
 }

@@ -21,7 +21,7 @@ pub(super) fn head(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// What a log is that is known and not read, with the way to one that is.
+/// Error for a log of a known kind that is not read, with the way to one that is.
 pub(super) fn not_read(head: &[u8]) -> Option<RecordedError> {
     let rerun = head.starts_with(b"RRF") && head.get(3).is_some_and(u8::is_ascii_digit);
     let (what, next) = if head.starts_with(b"#ROSBAG V") {

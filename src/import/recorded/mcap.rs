@@ -10,12 +10,12 @@ use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::ros::{self, cdr, definition::Definition};
 use super::{json, protobuf, stamps};
 
-/// How the messages of a channel are decoded.
+/// Decoder of a channel's messages.
 enum Decoder {
     Ros(Definition),
     Protobuf(MessageDescriptor),
     Json,
-    /// Why not.
+    /// Reason why they are not decoded.
     None(String),
 }
 

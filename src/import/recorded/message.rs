@@ -46,7 +46,6 @@ impl std::fmt::Display for Number {
     }
 }
 
-/// What a field holds.
 #[derive(Debug, Clone, PartialEq)]
 enum Held {
     Number(Number),
@@ -157,7 +156,6 @@ impl Leaves {
     }
 }
 
-/// One message.
 pub(super) struct Message<'a> {
     /// Topic; several senders or bodies under one name are distinguished by what stands in brackets.
     pub topic: &'a str,
@@ -167,7 +165,6 @@ pub(super) struct Message<'a> {
     pub log_ns: Option<i128>,
     /// When it was true, by its own stamp \[ns\].
     pub stamp_ns: Option<i128>,
-    /// What it holds.
     pub leaves: &'a Leaves,
     /// Units of its fields, where the log states them.
     pub unit: &'a dyn Fn(&str) -> Option<String>,
@@ -183,16 +180,16 @@ pub(super) trait Sink {
     fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>);
 }
 
-/// What could not be read: how often, the first place, and why.
+/// Part of a log that could not be read: how often, the first place, and why.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize, schemars::JsonSchema)]
 pub struct Unreadable {
-    /// What: damaged records, or messages of a topic.
+    /// Damaged records, or messages of a topic.
     pub what: String,
-    /// How many.
+    /// Number of them.
     pub count: u64,
     /// Byte of the file at which the first stands; of a database, the row.
     pub first_at: u64,
-    /// Why, of the first.
+    /// Reason why the first could not be read.
     pub reason: String,
 }
 
@@ -222,50 +219,30 @@ impl Account {
     }
 }
 
-/// Why a log cannot be used.
+/// Reason why a log cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RecordedError {
-    /// The system's words.
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// A container that is none.
     #[error("{0}")]
     Container(String),
-    /// Written by hydroline.
     #[error("it is a log of hydroline already: nothing to import; use it as it is")]
     Ours,
-    /// A log that is known, and of a kind that is not read.
     #[error("it is {what}, which is not read; {next}")]
     NotRead {
-        /// What it is.
         what: &'static str,
-        /// What makes one of it that is read.
+        /// Way to a log that is read.
         next: &'static str,
     },
-    /// No message can be decoded.
     #[error(
         "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"
     )]
-    Nothing {
-        /// How many there are.
-        messages: u64,
-        /// Why not.
-        reasons: String,
-    },
-    /// Damaged so that no topic is left.
+    Nothing { messages: u64, reasons: String },
     #[error(
         "no message of it can be read; {damage}; `hydroline recover` writes what is sound into a new file"
     )]
-    Damaged {
-        /// What was found instead.
-        damage: String,
-    },
-    /// A topic that is not there.
+    Damaged { damage: String },
     #[error("no topic '{topic}' in it; name one of: {topics}")]
-    Topic {
-        /// As given.
-        topic: String,
-        /// Those with numbers.
-        topics: String,
-    },
+    Topic { topic: String, topics: String },
 }

@@ -4,7 +4,7 @@ use half::f16;
 
 use super::message::{Leaves, Number};
 
-/// What stands at a place, little endian.
+/// Type of a value in a record, little endian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Kind {
     U8,
@@ -36,14 +36,13 @@ impl Kind {
     }
 }
 
-/// A field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Field {
     pub name: String,
     pub kind: Kind,
     /// `None` = one value; else an array.
     pub elements: Option<usize>,
-    /// What a count is worth: 1 (whole numbers stay whole), 0.01, 1e-7.
+    /// Value of one count: 1 (whole numbers stay whole), 0.01, 1e-7.
     pub scale: f64,
     /// As the log states it; empty = not at all.
     pub unit: String,
@@ -55,7 +54,6 @@ impl Field {
     }
 }
 
-/// Of all fields.
 pub(super) fn bytes(fields: &[Field]) -> usize {
     fields
         .iter()
@@ -104,7 +102,13 @@ fn scaled(value: Number, scale: f64) -> Number {
     })
 }
 
-/// All fields of a record.
+/// Unit of the field that a path of leaves begins with, where the log states one.
+pub(super) fn unit_of(fields: &[Field], path: &str) -> Option<String> {
+    let name = path.split('[').next().unwrap_or(path);
+    let field = fields.iter().find(|f| f.name == name)?;
+    Some(field.unit.clone()).filter(|u| !u.is_empty())
+}
+
 pub(super) fn decode(fields: &[Field], record: &[u8], leaves: &mut Leaves) {
     let mut at = 0;
     for field in fields {

@@ -8,9 +8,8 @@ use super::head::head;
 
 /// How a frame of zstd begins (RFC 8878, section 3.1.1).
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
-/// What a packed byte may become at most, and what any file may: no recording packs better, and a bomb does \[bytes\].
+/// Largest unpacked size per packed byte, and an allowance for any file: no recording packs better, and a bomb does \[bytes\].
 const UNPACKED_PER_BYTE: u64 = 500;
-/// See there.
 const UNPACKED_LEAST: u64 = 1 << 20;
 
 /// The files to be read, and what goes when they are no longer needed.

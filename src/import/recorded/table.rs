@@ -25,7 +25,7 @@ pub(crate) const STAMP: &str = "stamp";
 pub(crate) const LOG_TIME: &str = "log_time";
 
 struct Row {
-    /// What orders it.
+    /// Time by which the row is ordered \[ns\]; `None` = before all others.
     key: Option<i128>,
     /// Rows of several topics with the same one are one.
     own_key: Option<i128>,

@@ -18,7 +18,6 @@ const CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
 /// 2001 .. 2096: what a stamp can be \[us\].
 const STAMPS_US: std::ops::Range<u64> = 978_307_200_000_000..4_000_000_000_000_000;
 
-/// A message that is known.
 struct Known {
     name: &'static str,
     crc_extra: u8,
@@ -94,7 +93,7 @@ struct Packet<'a> {
     sound: Option<bool>,
 }
 
-/// What stands at the beginning of these bytes, if it looks like a packet.
+/// Packet at the beginning of these bytes, if they look like one.
 fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>> {
     let time_us = u64::from_be_bytes(bytes.get(..STAMP_BYTES)?.try_into().ok()?);
     let own = &bytes[STAMP_BYTES..];
@@ -209,11 +208,7 @@ fn message(
         log_ns: Some(log_ns),
         stamp_ns,
         leaves,
-        unit: &|path| {
-            let name = path.split('[').next().unwrap_or(path);
-            let field = kind.fields.iter().find(|f| f.name == name)?;
-            Some(field.unit.clone()).filter(|u| !u.is_empty())
-        },
+        unit: &|path| packed::unit_of(&kind.fields, path),
     };
     Ok(sink.message(&whole)?)
 }

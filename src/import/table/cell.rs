@@ -32,7 +32,7 @@ pub(crate) struct Reader<'a> {
 /// An attitude this old still turns a velocity \[s\].
 const ATTITUDE_AGE_S: f64 = 0.5;
 
-/// What an empty cell means, and which number is one.
+/// Meaning of an empty cell, and a number that means one.
 type Empty = (Missing, Option<f64>);
 
 /// A cell's number, or what stands for it; NaN = nothing.

@@ -76,7 +76,7 @@ impl<'a> Columns<'a> {
         columns
     }
 
-    /// What the file says of its units, in a line of them or in its names, against the map.
+    /// Compares the units that the file states, in a line of them or in its names, with the map's.
     fn units(&self, map: &Map, layout: &Layout, findings: &mut Vec<Finding>) {
         if let TimeSource::Numbers(columns) = &map.time.source {
             for (column, unit_ns) in columns.iter().filter(|_| map.time.epoch_ns == 0) {
@@ -124,7 +124,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// What is assumed where velocities are rotated.
+    /// Adds the assumptions where velocities are rotated: unmapped channels are 0, and without an angle it is a fault.
     fn frames(&self, map: &Map, findings: &mut Vec<Finding>) {
         if !self.in_tank {
             return;
@@ -154,7 +154,7 @@ fn same(a: f64, b: f64) -> bool {
     (a / b - 1.0).abs() < 1e-9
 }
 
-/// What the file says of a column's unit: its text, and its factor if it is one of the dimension. `None` = nothing that is a unit.
+/// Unit that the file states for a column: its text, and its factor if it is one of the dimension. `None` = nothing that is a unit.
 fn stated(layout: &Layout, place: usize, dimension: Dimension) -> Option<(&str, Option<f64>)> {
     let row = layout.units.get(place).map(String::as_str);
     let row = row

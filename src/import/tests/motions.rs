@@ -373,7 +373,7 @@ fn vigorous_motion_does_not_jump() {
                 ]
             });
             let data = read(&text, &map);
-            // What rests without noise stands still.
+            // A channel at rest without noise has always the same value.
             let jumps: Vec<_> = kinds(&data, Severity::Warning)
                 .into_iter()
                 .filter(|k| *k != "stuck_channel")

@@ -23,7 +23,7 @@ fn read(table: &Path, toml: &str) -> Imported {
 const XF: &str = "[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n[[command]]\nthruster = \"surge\"\ncolumn = \"F\"\n";
 const T: &str = "[time]\ncolumn = \"t\"\nunit = \"s\"\n";
 
-/// What the folders' files were made of: x \[m\] and F \[N\] at each hundredth of a second.
+/// Values of which the folders' files were made: x \[m\] and F \[N\] at each hundredth of a second.
 fn clean(folder: &Path) -> BTreeMap<i64, (f64, f64)> {
     let toml = format!("[file]\ncomment = \"#\"\n{T}{XF}");
     let data = read(&folder.join("comment-lines/data.csv"), &toml);
@@ -276,7 +276,7 @@ fn guessed_maps_are_right_without_an_edit() {
     }
 }
 
-/// What is a fault in lost or spoilt data is none in sound recordings of real instruments.
+/// Sound recordings of real instruments have no fault of lost or spoilt data.
 #[test]
 fn real_recordings_are_sound() {
     let roll = "[time]\ncolumn = \"time\"\nunit = \"s\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";

@@ -1,4 +1,4 @@
-//! What the guess makes of names and of the units beside them.
+//! Meanings that the guess finds in names and in the units beside them.
 
 use crate::guess::{Guess, guess};
 
@@ -92,7 +92,7 @@ fn a_written_unit_decides_what_a_name_means() {
     ] {
         let found = guessed(&swings(names));
         assert_eq!(mapped(&found), expected, "{names}\n{}", found.toml);
-        // What is not mapped is said.
+        // A column that is not mapped is named in the remarks.
         for name in names.split(',') {
             let is_mapped = found.toml.contains(&format!("column = \"{name}\""));
             assert!(

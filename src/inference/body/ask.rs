@@ -1,4 +1,4 @@
-//! What a body is asked for: which numbers are free, what moves of itself, which effects are candidates.
+//! Setup of a body: which numbers are free, what moves of itself, which effects are candidates.
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
@@ -133,7 +133,7 @@ fn responses(h: &Hydrodynamics<f64>, rate: &[f64; 6]) -> ([Response; 6], f64) {
     (responses, quickest)
 }
 
-/// How runs begin, and what of them is given.
+/// Free states at the runs' starts, the values of the others, and the motion that is given.
 #[derive(Default)]
 struct Beginnings {
     starts: Vec<Vec<Channel>>,
@@ -258,12 +258,11 @@ fn added_of_given(
         .collect()
 }
 
-/// What a body is asked for.
 #[derive(Debug, Clone, Copy)]
 enum Asked<'a> {
     /// Everything that may have been left out.
     All,
-    /// What another body was asked for.
+    /// The same as another body was asked for.
     As(&'a Body),
     /// Nothing: the rig's own model.
     Nothing,

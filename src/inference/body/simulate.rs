@@ -1,15 +1,15 @@
-//! What instruments would have measured of a body, and its derivatives.
+//! Simulated measurements of a body, as instruments would have made them, and their derivatives.
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term as CoefficientTerm;
 use hydroline_numerics::cancel;
+use hydroline_numerics::parallel;
 use hydroline_sim::effect::Trend;
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::single::{Feed, Line, Single};
 use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::whole::{Course, run};
 use hydroline_sim::{Dual, EffectStack, Real};
-use rayon::prelude::*;
 
 use super::{Body, Own, Simulated, WIDTHS};
 use crate::term::Kind;
@@ -163,23 +163,18 @@ impl Body {
         numbers: &[f64],
         globals: usize,
     ) -> Vec<Pass> {
-        (0..numbers.len())
-            .step_by(N)
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|first| {
-                let duals = Dual::<N>::pass(numbers, first);
-                let (own, starts) = duals.split_at(globals);
-                let out = self.drive(index, terms, own, starts);
-                let width = N.min(numbers.len() - first);
-                let columns =
-                    (0..width).map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect());
-                (
-                    out.iter().map(|s| s.map(|v| v.value)).collect(),
-                    columns.collect(),
-                )
-            })
-            .collect()
+        parallel::map(numbers.len().div_ceil(N), |pass| {
+            let first = pass * N;
+            let duals = Dual::<N>::pass(numbers, first);
+            let (own, starts) = duals.split_at(globals);
+            let out = self.drive(index, terms, own, starts);
+            let width = N.min(numbers.len() - first);
+            let columns = (0..width).map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect());
+            (
+                out.iter().map(|s| s.map(|v| v.value)).collect(),
+                columns.collect(),
+            )
+        })
     }
 
     /// The same with derivatives.

@@ -14,30 +14,20 @@ use crate::fit::ln_determinant;
 
 /// Steps of a refinement; gain of a step in log density that is the last worth making.
 const STEPS: usize = 40;
-/// See there.
 const LITTLE: f64 = 1e-4;
 
-/// What data say of a table's points f: ln p = -f A f / 2 + f h.
+/// Likelihood of a table's points f: ln p = -f A f / 2 + f h.
 #[derive(Debug, Clone)]
 pub struct Likelihood {
-    /// A.
+    /// A: information of the points.
     pub information: DMatrix<f64>,
-    /// h.
+    /// h: slope of the log likelihood at f = 0.
     pub slope: DVector<f64>,
 }
 
 impl Likelihood {
     fn ln(&self, f: &DVector<f64>) -> f64 {
         f.dot(&self.slope) - 0.5 * f.dot(&(&self.information * f))
-    }
-
-    /// Log evidence of the table itself under its prior's precision.
-    #[cfg(test)]
-    pub fn of_table(&self, prior: &DMatrix<f64>) -> Option<f64> {
-        let before = Cholesky::new(prior.clone())?;
-        let after = Cholesky::new(&self.information + prior)?;
-        let gain = 0.5 * self.slope.dot(&after.solve(&self.slope));
-        Some(gain + 0.5 * (ln_determinant(&before) - ln_determinant(&after)))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a force of no known effect may be written as: a piece, or a sum of two, over its covariate.
+//! Forms of a force of no known effect: a piece, or a sum of two, over its covariate.
 //!
 //! A piece is a form of the simulator's with priors of its numbers. They are given by the covariate's range alone, so that
 //! nothing here knows of metres or radians.
@@ -22,13 +22,10 @@ const LENGTHS: (f64, f64) = (0.1, 2.0);
 const DECAYS: (f64, f64) = (0.05, 2.0);
 /// Exponents of a power, and those that theory gives: they are held, and cost no number.
 const EXPONENTS: (f64, f64) = (0.4, 4.0);
-/// See there.
 const USUAL: [f64; 4] = [0.5, 1.0, 2.0, 3.0];
 /// Points of a grid to begin from, per place, width and phase.
 const PLACES: usize = 20;
-/// See there.
 const SIZES: usize = 6;
-/// See there.
 const PHASES: usize = 8;
 
 /// A piece that may be a part of a form.
@@ -43,7 +40,6 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Nothing.
     pub fn none() -> Piece {
         Piece {
             form: FORMS.len() - 1,
@@ -108,7 +104,7 @@ fn evenly_by_ratio((low, high): (f64, f64), count: usize) -> impl Iterator<Item 
     evenly((low.ln(), high.ln()), count).map(f64::exp)
 }
 
-/// What a table runs along.
+/// DOF, covariate and range of a table, with the usual size of its force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Along {
     /// DOF in which the force acts.

@@ -1,10 +1,10 @@
 //! Forms in a table's place: fitted to the data, with the fit that every model has.
 
+use hydroline_numerics::parallel;
 use hydroline_sim::effect::EffectInfo;
 use hydroline_sim::effect::covariate_table::POINTS;
 use hydroline_sim::effect::written_force::is_a_rate;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
 
 use super::curve::Likelihood;
 use super::grammar::{Along, held};
@@ -20,9 +20,8 @@ use crate::term::{Candidate, Kind};
 const WORSE: f64 = 0.1;
 /// A form to be fitted.
 pub(super) struct Draft {
-    /// It, as it was ranked.
     pub ranked: Ranked,
-    /// What it is multiplied by, by its place among the simulator's words, and the rate at which that is one.
+    /// Factor on it, by its place among the simulator's words, and the rate at which that factor is one.
     pub times: (usize, f64),
     /// Log prior odds over the table.
     pub ln_odds: f64,
@@ -71,7 +70,7 @@ impl Problem {
         form > channels && form > (1.0 + WORSE) * table
     }
 
-    /// What a form may be multiplied by: each rate that moves, its size, its sign, but for that along which it runs; with
+    /// Factors that a form may have: each rate that moves, its size, its sign, but for that along which it runs; with
     /// the rate at which the factor is one.
     pub(super) fn factors(&self, along: &Along) -> Vec<(usize, f64)> {
         const RATES: usize = 6;
@@ -121,10 +120,11 @@ impl Problem {
             );
             Some((k, candidate, made))
         };
-        (0..drafts.len()).into_par_iter().filter_map(fit).collect()
+        let fits = parallel::map(drafts.len(), fit);
+        fits.into_iter().flatten().collect()
     }
 
-    /// What the data say of a table's points, all other numbers of the model integrated out about where it is.
+    /// Likelihood of a table's points by the data, all other numbers of the model integrated out about where it is.
     pub(super) fn of_table(&self, fit: &Fit, member: usize) -> Option<Likelihood> {
         let all = self.simulate(&fit.terms, &fit.point)?;
         let number_prior = self.number_prior(&fit.terms);
@@ -154,7 +154,7 @@ impl Problem {
         let across = part(&rest, &own);
         let solved = root.solve(&across);
         let mut left = part(&own, &own) - across.tr_mul(&solved);
-        // What rounding leaves of its symmetry.
+        // Rounding leaves it not quite symmetric.
         left = (&left + left.transpose()) * 0.5;
         let slope = of(&own) - solved.tr_mul(&of(&rest));
         let here = DVector::from_iterator(POINTS, own.iter().map(|i| fit.point[*i]));

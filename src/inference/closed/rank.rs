@@ -23,7 +23,6 @@ const OWN: f64 = 1e-6;
 /// A form and how it does.
 #[derive(Debug, Clone)]
 pub struct Ranked {
-    /// Its pieces.
     pub pieces: [Piece; PIECES],
     /// Scaled numbers, piece by piece.
     pub scaled: [f64; COUNT],
@@ -187,8 +186,10 @@ fn pairs(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::ln_determinant;
     use hydroline_sim::effect::covariate_table::COVARIATES;
     use hydroline_sim::effect::form::FORMS;
+    use nalgebra::Cholesky;
 
     /// Points known to `sd` each.
     fn of(law: impl Fn(f64) -> f64, along: &Along, sd: f64) -> Likelihood {
@@ -249,6 +250,14 @@ mod tests {
         assert_eq!(found, ["beyond", "wave"]);
     }
 
+    /// Log evidence of the table itself under its prior's precision.
+    fn ln_evidence_of_table(likelihood: &Likelihood, prior: &DMatrix<f64>) -> f64 {
+        let before = Cholesky::new(prior.clone()).unwrap();
+        let after = Cholesky::new(&likelihood.information + prior).unwrap();
+        let gain = 0.5 * likelihood.slope.dot(&after.solve(&likelihood.slope));
+        gain + 0.5 * (ln_determinant(&before) - ln_determinant(&after))
+    }
+
     /// A law of three bumps is none of one or two pieces: the table stands above them all.
     #[test]
     fn what_has_no_form_is_a_table() {
@@ -257,8 +266,8 @@ mod tests {
         let law = |x: f64| bump(x, 0.2) - 0.6 * bump(x, 0.55) + 0.8 * bump(x, 1.2);
         let likelihood = of(law, &place, 0.02);
         let best = &ranked(&place, &likelihood, 0.25)[0];
-        let kernel = crate::table::precision(1);
-        let table = likelihood.of_table(&(kernel / 0.25)).unwrap();
+        let kernel = &crate::table::kernels(false)[1].precision;
+        let table = ln_evidence_of_table(&likelihood, &(kernel / 0.25));
         assert!(
             table > best.ln_score() + 20.0,
             "{table} {} {:?}",

@@ -8,7 +8,7 @@ use crate::noise::estimate;
 impl Search<'_> {
     /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
     ///
-    /// What a model on the way misses is in what it leaves: with `only_less` no channel's noise becomes larger by it.
+    /// Residuals of a model on the way hold what it misses: with `only_less` no channel's noise becomes larger by it.
     pub(super) fn renew_noise(&mut self, only_less: bool) -> bool {
         let Some(best) = self.best().cloned() else {
             return false;

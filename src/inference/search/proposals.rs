@@ -1,11 +1,11 @@
-//! Which models are fitted beside one: additions, tables, what is left of it, and exchanges.
+//! Models to be fitted beside one: additions, tables, what is left of it, and exchanges.
 
 use super::{Job, Search};
 use crate::fit::{Effort, Fit};
 use crate::predicted_gain::PredictedGain;
 
 impl Search<'_> {
-    /// Which additions are fitted: what explains one DOF's residual is alike, and must not crowd out the others.
+    /// Additions to be fitted: what explains one DOF's residual is alike, and must not crowd out the others.
     fn proposed<'p>(&self, fit: &Fit, gains: &'p [PredictedGain]) -> Vec<&'p PredictedGain> {
         let most = match fit.terms.is_empty() {
             true => self.options.first_additions,

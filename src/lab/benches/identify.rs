@@ -25,7 +25,7 @@ use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
 
 const NOISE_M: f64 = 3e-4;
-/// What is asked: `ga`'s time over that of `lm` and of `cmaes`, and seconds for three parameters with their uncertainty.
+/// Bounds to meet: least `ga` time over that of `lm` and of `cmaes`, most seconds for three parameters with their uncertainty.
 const LM_TIMES: f64 = 3000.0;
 const CMAES_TIMES: f64 = 300.0;
 const UNCERTAINTY_S: f64 = 0.5;

@@ -23,7 +23,7 @@ pub struct Kept {
     others: Mutex<BTreeSet<String>>,
 }
 
-/// What stands in a file.
+/// File of one case.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Sheet<T> {
     id: String,

@@ -35,9 +35,9 @@ pub enum Category {
     Nothing,
     /// One effect of practical size.
     Single,
-    /// Two.
+    /// Two effects of practical size.
     Pair,
-    /// Three.
+    /// Three effects of practical size.
     Triple,
     /// A law without a name.
     Unnamed,
@@ -133,7 +133,7 @@ pub fn parse(id: &str) -> Result<(Category, usize), ProveError> {
         })
 }
 
-/// What the diagnosis may see.
+/// Part of a case that the diagnosis may see.
 #[derive(Debug, Clone)]
 pub struct Sealed {
     /// Logs to fit.
@@ -159,7 +159,7 @@ pub struct Truth {
     pub parameters: Vec<(String, f64)>,
 }
 
-/// What only the key knows.
+/// Part of a case that only the judge may see.
 #[derive(Debug, Clone)]
 pub struct Key {
     /// The whole truth.
@@ -170,9 +170,9 @@ pub struct Key {
     pub runs: Vec<Recorded>,
     /// rms noise of the run held out that tells how well the choice predicts \[m\].
     pub held_noise_m: Option<f64>,
-    /// What was done to the data.
+    /// Fault put into the data.
     pub fault: Option<faulty::Fault>,
-    /// What the instrument does.
+    /// Flaws of the instrument.
     pub flaws: Vec<Flaw>,
 }
 
@@ -191,7 +191,7 @@ impl Key {
 pub struct Case {
     /// `category-index`.
     pub id: String,
-    /// Kind.
+    /// Category that it was drawn for.
     pub category: Category,
     /// With a background.
     pub background: bool,
@@ -376,7 +376,7 @@ enum Wanted {
 
 struct Drawn {
     entries: Vec<PhysicsEntry>,
-    /// How many of the entries are of practical size (they come first).
+    /// Number of entries of practical size (they come first).
     mains: usize,
     external_law: Wanted,
 }
@@ -531,7 +531,7 @@ fn truths(tank: &Tank, wanted: &Drawn, weights: &[f64]) -> Vec<Truth> {
     truth
 }
 
-/// What stands in a key for a law without a name.
+/// Effect's id in a key for a law without a name.
 pub const UNNAMED_ID: &str = "unnamed";
 
 #[cfg(test)]

@@ -12,44 +12,44 @@ use super::external_law::Here;
 pub enum Shape {
     /// (s / w)^n.
     Power {
-        /// n.
+        /// Exponent n.
         exponent: f64,
-        /// w.
+        /// Scale w.
         at: f64,
     },
     /// max(0, s - b) / w.
     Beyond {
-        /// b.
+        /// Start b.
         from: f64,
-        /// w.
+        /// Scale w.
         at: f64,
     },
     /// sin(2 pi s / w + phase).
     Wave {
-        /// w.
+        /// Wavelength w.
         length: f64,
         /// Phase \[rad\].
         phase_rad: f64,
     },
     /// exp(-((s - b) / w)^2 / 2).
     Bump {
-        /// b.
+        /// Centre b.
         centre: f64,
-        /// w.
+        /// Width w.
         width: f64,
     },
     /// (1 + tanh((s - b) / w)) / 2.
     Step {
-        /// b.
+        /// Centre b.
         centre: f64,
-        /// w.
+        /// Width w.
         width: f64,
     },
     /// 1 / (1 + ((s - b) / w)^2): broader at its foot than any bump.
     Lorentz {
-        /// b.
+        /// Centre b.
         centre: f64,
-        /// w.
+        /// Width w: half of it at half height.
         width: f64,
     },
     /// Two waves of lengths that do not meet, their phases with them: no short expression.
@@ -59,7 +59,7 @@ pub enum Shape {
         /// Phase \[rad\].
         phase_rad: f64,
     },
-    /// 0.
+    /// Zero everywhere.
     Nothing,
 }
 

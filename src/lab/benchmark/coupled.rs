@@ -17,27 +17,24 @@ use hydroline_diagnose::verdict::{Effect, Verdict, Word};
 
 use super::cache::Kept;
 use super::error::ProveError;
-use super::score::Rate;
-
-/// Normal quantile of a 95 % interval.
-const Z95: f64 = 1.959_964;
+use super::score::{Rate, Z95};
 
 /// A case after its diagnosis.
 #[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct CoupledJudged {
-    /// Number.
+    /// Index of the case.
     pub index: usize,
-    /// What is there, heaviest first.
+    /// Effects that are there, heaviest first.
     pub truth: Vec<There>,
     /// Factor on the rig's coefficients.
     pub rig_factor: f64,
-    /// What its logs hold.
+    /// Measurements that its logs hold.
     pub instruments: Instruments,
     /// The verdict's word.
     pub word: Word,
     /// The verdict's sentence.
     pub sentence: String,
-    /// What was found that matters: effect and words.
+    /// Effects found that matter: effect and words.
     pub found: Vec<String>,
     /// Right as the module says.
     pub right: bool,
@@ -157,7 +154,7 @@ pub fn judge(case: &CoupledCase) -> Result<(CoupledJudged, Verdict), ProveError>
     Ok((judged, verdict))
 }
 
-/// What is wrong with a case, in a line.
+/// Complaint about a case that is not right, in a line.
 pub fn complaint(j: &CoupledJudged) -> Option<String> {
     let truth: Vec<String> = j
         .truth

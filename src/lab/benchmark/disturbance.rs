@@ -3,8 +3,10 @@
 use rand::{RngExt, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
+use super::magnitudes::{between, sign};
+
 /// Noise of one case.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Disturbance {
     /// White part \[m\].
     pub white_m: f64,
@@ -25,10 +27,6 @@ pub struct Disturbance {
     pub gap_s: f64,
 }
 
-fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
-}
-
 impl Disturbance {
     /// White and clean (one case in five) or as in a tank.
     pub fn draw(clean: bool, rng: &mut StdRng) -> Disturbance {
@@ -36,13 +34,8 @@ impl Disturbance {
         if clean {
             return Disturbance {
                 white_m,
-                slow_m: 0.0,
                 slow_s: 1.0,
-                place_m: 0.0,
-                waves: Vec::new(),
-                outliers: 0.0,
-                lost: 0.0,
-                gap_s: 0.0,
+                ..Disturbance::default()
             };
         }
         Disturbance {
@@ -84,19 +77,18 @@ impl Disturbance {
             .collect()
     }
 
-    /// Which samples are far off, and by how much \[m\]; 0 = not.
+    /// Outlying part of each sample \[m\]; 0 = no outlier.
     pub fn far_off(&self, n: usize, rng: &mut StdRng) -> Vec<f64> {
         (0..n)
             .map(|_| {
                 let hit = rng.random::<f64>() < self.outliers;
-                let size =
-                    between(rng, 0.003, 0.03) * if rng.random::<bool>() { 1.0 } else { -1.0 };
+                let size = between(rng, 0.003, 0.03) * sign(rng);
                 if hit { size } else { 0.0 }
             })
             .collect()
     }
 
-    /// Which frames arrive.
+    /// Whether each frame arrives.
     pub fn arrives(&self, times_s: &[f64], rng: &mut StdRng) -> Vec<bool> {
         let end_s = times_s.last().copied().unwrap_or(0.0);
         let gap_from_s = between(rng, 0.1, 0.9) * end_s;

@@ -9,93 +9,55 @@ use hydroline_plan::setpoint::SetpointError;
 use hydroline_sim::ThrustError;
 use hydroline_sim::trajectory::TrajectoryError;
 
-/// What can go wrong around a case.
+/// Error in making, diagnosing or judging a case.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ProveError {
     /// Built-in rig or plan.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// Thrusters.
     #[error(transparent)]
     Thrust(#[from] ThrustError),
     /// A plan the thrusters cannot make.
     #[error(transparent)]
     Setpoint(#[from] SetpointError),
-    /// Effects.
     #[error(transparent)]
     Effect(#[from] EffectError),
-    /// An effect that no case knows a practical size of.
     #[error(
-        "no practical size of '{effect}' is known: src/benchmark/{file} has its effects in a list, and an arm for each of them"
+        "no practical size of '{effect}' is known: src/lab/benchmark/{file} has its effects in a list, and an arm for each of them"
     )]
     Unsized {
-        /// Effect.
         effect: String,
         /// File that draws it.
         file: &'static str,
     },
-    /// Integration.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
-    /// Messages.
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// Diagnosis.
     #[error("{id}: {source}")]
-    Diagnose {
-        /// Case.
-        id: String,
-        /// Why.
-        source: DiagnoseError,
-    },
-    /// An image-level case.
+    Diagnose { id: String, source: DiagnoseError },
     #[error("image-{index}: {reason}")]
-    Images {
-        /// Number.
-        index: usize,
-        /// Why.
-        reason: String,
-    },
-    /// No case of the asked kind found.
+    Images { index: usize, reason: String },
     #[error(
         "{id}: no draw in {tries} gave what the category asks for (last: {last}); take another --seed"
     )]
     NoCase {
-        /// Case.
         id: String,
-        /// Draws.
         tries: usize,
-        /// What the last one lacked.
         last: String,
     },
-    /// Unknown id.
     #[error("no case '{id}'; ids look like {example} (category-index, index from 0)")]
-    UnknownCase {
-        /// Asked.
-        id: String,
-        /// A known one.
-        example: String,
-    },
-    /// What lies in the folder of kept cases cannot be used.
+    UnknownCase { id: String, example: String },
+    /// Folder of kept cases, or a file in it, that cannot be used.
     #[error("{path}: {reason}")]
     Kept {
-        /// File.
         path: String,
         /// Why, and what to do.
         reason: String,
     },
-    /// A judged case cannot be laid down.
     #[error("{path}: cannot be written: {reason}; what was judged before it is kept")]
-    NotKept {
-        /// File.
-        path: String,
-        /// Why.
-        reason: String,
-    },
-    /// The motion left all bounds.
+    NotKept { path: String, reason: String },
     #[error("the simulated motion is not finite at {t_s:.2} s")]
-    Diverged {
-        /// When \[s\].
-        t_s: f64,
-    },
+    Diverged { t_s: f64 },
 }

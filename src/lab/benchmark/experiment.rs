@@ -30,7 +30,7 @@ const ATTITUDE_RAD: f64 = 1.745e-4;
 /// The truth.
 #[derive(Debug, Clone)]
 pub struct Tank {
-    /// What the analyst's rig file says.
+    /// The analyst's rig file.
     pub rig: Rig,
     /// The vehicle as it is.
     pub vehicle: Vehicle,
@@ -38,16 +38,16 @@ pub struct Tank {
     pub entries: Vec<PhysicsEntry>,
     /// A law outside of the library.
     pub external_law: Option<ExternalLaw>,
-    /// Measurement.
+    /// Noise and losses of the measurement.
     pub disturbance: Disturbance,
     /// Of noise.
     pub seed: u64,
 }
 
 /// One run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Recorded {
-    /// Name.
+    /// Name of the log.
     pub name: String,
     /// (time, surge load \[N\]), only changes.
     pub edges: Vec<(f64, f64)>,
@@ -55,7 +55,7 @@ pub struct Recorded {
     pub times_s: Vec<f64>,
     /// Noise without outliers \[m\].
     pub noise_m: Vec<f64>,
-    /// Which samples are far off.
+    /// Whether each sample is an outlier.
     pub outlier: Vec<bool>,
     /// As logged.
     pub commands: Vec<pb::ThrusterCommand>,
@@ -114,11 +114,8 @@ impl Tank {
         let mut made = Recorded {
             name: format!("run{run}-{}", plan.name),
             edges,
-            times_s: Vec::new(),
-            noise_m: Vec::new(),
-            outlier: Vec::new(),
             commands,
-            motion: Vec::new(),
+            ..Recorded::default()
         };
         let rest = self.rig.tank.start_pose;
         for (k, t_s) in all_s.iter().enumerate() {
@@ -190,7 +187,7 @@ impl Tank {
         Ok(weights)
     }
 
-    /// What effects of this tank are weighed with.
+    /// Scale on which effects of this tank are weighed.
     ///
     /// # Errors
     /// [`ProveError`].
@@ -225,7 +222,7 @@ pub struct Scale<'a> {
 }
 
 impl Scale<'_> {
-    /// What effects leave in the motion that the coefficients cannot take up \[m\].
+    /// Motion that effects leave and that the coefficients cannot take up \[m\].
     fn left_m(
         &self,
         entries: &[PhysicsEntry],
@@ -263,7 +260,7 @@ fn sent(rig: &Rig, plan: &Plan, length_s: f64) -> Result<Sent, ProveError> {
         if edges.last().map_or(load != 0.0, |e| e.1 != load) {
             edges.push((t_s, load));
         }
-        // What has not changed need not stand in a log: a command holds until the next.
+        // Pulses that have not changed need not be in a log: a command holds until the next.
         if last.as_ref() == Some(&set.pulses_us) {
             continue;
         }
@@ -290,7 +287,7 @@ fn sent(rig: &Rig, plan: &Plan, length_s: f64) -> Result<Sent, ProveError> {
     Ok((commands, edges))
 }
 
-/// What `diagnose` would read from the log with these messages; `drift` = what its clock records say
+/// Source that `diagnose` would read from the log with these messages; `drift` = drift in its clock records
 /// (ppm, sd).
 ///
 /// # Errors

@@ -92,23 +92,18 @@ impl Sealed<'_> {
             .filter(|c| c.kind == Kind::Effect)
             .collect();
         let mut columns = Columns::default();
-        for (k, r) in body.recording.runs.iter().enumerate() {
-            let along = Along::new(&body, r, k);
-            write(here.join(format!("run-{k}.csv")), &along.table())?;
-            write(
-                here.join(format!("laws-{k}.csv")),
-                &along.laws(&laws, &mut columns)?,
-            )?;
-        }
+        let mut tables = |body: &Body, table: &str, of_laws: &str| -> Result<(), ProveError> {
+            for (k, r) in body.recording.runs.iter().enumerate() {
+                let along = Along::new(body, r, k);
+                write(here.join(format!("{table}-{k}.csv")), &along.table())?;
+                let laws = along.laws(&laws, &mut columns)?;
+                write(here.join(format!("{of_laws}-{k}.csv")), &laws)?;
+            }
+            Ok(())
+        };
+        tables(&body, "run", "laws")?;
         let held = body.over(Recording::new(&runs(self.held), heading_rad), self.rig)?;
-        for (k, r) in held.recording.runs.iter().enumerate() {
-            let along = Along::new(&held, r, k);
-            write(here.join(format!("held-{k}.csv")), &along.table())?;
-            write(
-                here.join(format!("held-laws-{k}.csv")),
-                &along.laws(&laws, &mut columns)?,
-            )?;
-        }
+        tables(&held, "held", "held-laws")?;
         let text = serde_json::Value::Object(columns.said).to_string();
         write(here.join("laws.json"), &text)?;
         let key = key.to_string();
@@ -116,7 +111,7 @@ impl Sealed<'_> {
     }
 }
 
-/// What the columns of the laws are.
+/// Descriptions of the laws' columns.
 #[derive(Default)]
 struct Columns {
     said: serde_json::Map<String, serde_json::Value>,
@@ -278,7 +273,7 @@ mod tests {
     use super::*;
     use crate::benchmark::{Category, make};
 
-    /// What is laid down is what another tool needs, in columns of one length, and nothing of the key.
+    /// The tables hold all that another tool needs, in columns of one length, and nothing of the key.
     #[test]
     fn a_case_lies_there_without_its_key() {
         let folder = tempfile::tempdir().unwrap();

@@ -2,12 +2,13 @@
 //!
 //! They live here only: the diagnosis must not know them.
 
-use rand::{RngExt, rngs::StdRng};
+use rand::rngs::StdRng;
 
 use super::composed::Composed;
+use super::magnitudes::{between, sign};
 use super::modulated::Modulated;
 
-/// What a law sees.
+/// Inputs of a law.
 #[derive(Debug, Clone, Copy)]
 pub struct Here {
     /// Time \[s\].
@@ -18,7 +19,7 @@ pub struct Here {
     pub u_mps: f64,
     /// X_u, X_u|u| of the vehicle.
     pub drag: [f64; 2],
-    /// Which run.
+    /// Index of the run.
     pub run: usize,
     /// Load commanded \[N\].
     pub load_n: f64,
@@ -131,14 +132,6 @@ pub const NEAR: [&str; 7] = [
 pub const COMPOSED: &str = "composed";
 /// Kinds of unnamed laws.
 pub const UNNAMED: [&str; 4] = ["place_bump", "place_wave", "speed_bump", "pull"];
-
-fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
-}
-
-fn sign(rng: &mut StdRng) -> f64 {
-    if rng.random::<bool>() { 1.0 } else { -1.0 }
-}
 
 impl ExternalLaw {
     /// A misspecified law of a mechanism ([`NEAR`]) at a share of its practical size; `top_n` = largest command.

@@ -31,11 +31,10 @@ pub enum Fault {
     ClockInMotion,
 }
 
-/// Drift of the fault \[ppm\].
 const DRIFT_PPM: f64 = 1500.0;
 
 impl Fault {
-    /// All.
+    /// Every fault, in the order of the cases.
     pub const ALL: [Fault; 7] = [
         Fault::Units,
         Fault::Swapped,

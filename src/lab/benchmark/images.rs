@@ -20,16 +20,16 @@ use super::score::Rate;
 use hydroline_diagnose::profiles::findings::{Findings, ImageError, explain};
 use hydroline_diagnose::profiles::known;
 use hydroline_diagnose::verdict::{Effect, Word};
+use hydroline_numerics::parallel;
 use hydroline_rigs::PhysicsEntry;
 use hydroline_stripe::Profile;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 /// A case after its diagnosis.
 #[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct ImageJudged {
-    /// Number.
+    /// Index of the case.
     pub index: usize,
     /// Effects that are there.
     pub truth: Vec<String>,
@@ -39,13 +39,13 @@ pub struct ImageJudged {
     pub shown: bool,
     /// rms error of the poses after over that of the frames without the effects, mean over the six numbers' squares.
     pub pose_ratio: Option<f64>,
-    /// How far it moves the pose of a frame, largest of six in its own sds.
+    /// Shift of a frame's pose by it, largest of six in its own sds.
     #[serde(deserialize_with = "number_or_nan")]
     pub moves_sds: f64,
     /// The same of x, y and z alone.
     #[serde(deserialize_with = "number_or_nan")]
     pub moves_position_sds: f64,
-    /// What was named.
+    /// Effects that were named.
     pub found: Vec<String>,
     /// Sets that the frames cannot distinguish.
     pub sets: Vec<Vec<String>>,
@@ -80,16 +80,13 @@ pub fn run(
     kept: Option<&Kept>,
     done: &(dyn Fn(&ImageJudged) + Sync),
 ) -> Result<Vec<ImageJudged>, ProveError> {
-    indices
-        .par_iter()
-        .map(|index| {
-            let judged = Kept::or_run(kept, &format!("image-{index}"), || {
-                Ok(judge(&make(seed, *index)?)?.0)
-            })?;
-            done(&judged);
-            Ok(judged)
-        })
-        .collect()
+    parallel::try_map_slice(indices, |index| {
+        let judged = Kept::or_run(kept, &format!("image-{index}"), || {
+            Ok(judge(&make(seed, *index)?)?.0)
+        })?;
+        done(&judged);
+        Ok(judged)
+    })
 }
 
 /// Diagnoses and scores a case; the findings beside it, where there are any.

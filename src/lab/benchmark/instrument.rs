@@ -1,4 +1,4 @@
-//! What instruments do to stamps and positions that no vehicle does: jitter, stamps in pairs, slow drift with temperature, a
+//! Flaws of instruments in stamps and positions that no vehicle makes: jitter, stamps in pairs, slow drift with temperature, a
 //! ruler that is not straight. One or two at once; sizes, times and lengths are drawn.
 
 use hydroline_diagnose::Source;
@@ -128,7 +128,7 @@ pub fn flawed(
     source(&r.name, &r.commands, &motion, None, rig)
 }
 
-/// Whether no physics stands in a verdict, as something that matters, that is not there; what only the measurement does is
+/// Whether all physics that a verdict names as something that matters are there; what only the measurement does is
 /// none of the vehicle's physics.
 pub fn invents_nothing(verdict: &Verdict, truth: &[Truth]) -> bool {
     let mattering = verdict.effects.iter().filter(|e| e.matters);

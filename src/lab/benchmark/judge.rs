@@ -17,17 +17,15 @@ use self::undecided::Undecided;
 use super::case::{Case, Category, Truth, UNNAMED_ID};
 use super::error::ProveError;
 use super::observer::Ideal;
+use super::score::Z95;
 use super::{instrument, paper, plans};
 use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Law, Verdict, Word};
 
-/// Normal quantile of a 95 % interval.
-const Z95: f64 = 1.959_964;
-
 /// An effect that was found.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Found {
-    /// Id.
+    /// Id of the effect.
     pub effect: String,
     /// Weight \[m\].
     pub weight_m: f64,
@@ -35,7 +33,7 @@ pub struct Found {
     pub matters: bool,
     /// Its law is reported as not quite the library's.
     pub inexact: bool,
-    /// What the diagnosis says it cannot distinguish it from.
+    /// Effects from which the diagnosis says it cannot distinguish it.
     pub or: Vec<String>,
 }
 
@@ -44,9 +42,9 @@ pub struct Found {
 pub struct Interval {
     /// `effect.parameter`, or a coefficient.
     pub name: String,
-    /// Truth.
+    /// True value.
     pub truth: f64,
-    /// Estimate.
+    /// Estimated value.
     pub value: f64,
     /// Within 1.96 sd.
     pub covered: bool,
@@ -71,13 +69,13 @@ pub struct PaperOutcome {
 /// A case with its score.
 #[derive(Debug, Clone, serde::Serialize, schemars::JsonSchema, serde::Deserialize)]
 pub struct Judged {
-    /// Id.
+    /// Id of the case.
     pub id: String,
-    /// Kind.
+    /// Category of the case.
     pub category: Category,
     /// With a background.
     pub background: bool,
-    /// Truth.
+    /// Effects that are there.
     pub truth: Vec<Truth>,
     /// Verdict's word.
     pub word: Word,
@@ -97,7 +95,7 @@ pub struct Judged {
     pub held_out: Option<[f64; 3]>,
     /// rms of the run held out under the ideal observer's choice \[m\].
     pub held_ideal_m: Option<f64>,
-    /// What the category asks for.
+    /// Requirements of the category, each with whether it is met.
     pub passed: Vec<(Cow<'static, str>, bool)>,
     /// The same of the ideal observer, where it can be asked.
     pub passed_ideal: Vec<(Cow<'static, str>, bool)>,
@@ -127,7 +125,7 @@ impl Judged {
     }
 }
 
-/// How cases are judged.
+/// Options of the judge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct How {
     /// With the ideal observer.
@@ -360,7 +358,7 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
         .truth
         .first()
         .map_or_else(String::new, |t| t.effect.clone());
-    // Which of the five these very data leave open is for the ideal observer to say: a limit and
+    // The ideal observer says which of the five these very data leave open: a limit and
     // friction change the two runs in opposite directions, a strong one gives itself away.
     let ideal = Ideal::new(case);
     let rivals: Vec<&str> = paper::SET
@@ -404,13 +402,7 @@ fn two_runs(case: &Case, verdict: &Verdict, judged: &Judged) -> Result<PaperOutc
     let after = diagnose(&sources, &[], &case.sealed.rig, &|_| {})
         .map_err(wrong)?
         .verdict;
-    let heavy: Vec<&str> = after
-        .effects
-        .iter()
-        .filter(|e| e.matters)
-        .map(|e| e.effect.as_str())
-        .collect();
-    outcome.split = after.verdict == Word::Named && heavy == [truth.as_str()];
+    outcome.split = after.verdict == Word::Named && after.mattering() == [truth.as_str()];
     outcome.plan = Some(next.plan.clone());
     outcome.after = after.sentence;
     Ok(outcome)

@@ -30,6 +30,16 @@ pub const EFFECTS: [&str; 18] = [
     "wall_added_mass",
 ];
 
+/// A number drawn evenly from a range.
+pub(super) fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
+    low + (high - low) * rng.random::<f64>()
+}
+
+/// 1 or -1, either as often.
+pub(super) fn sign(rng: &mut StdRng) -> f64 {
+    if rng.random::<bool>() { 1.0 } else { -1.0 }
+}
+
 /// An effect at a share of its practical size; `top_n` = largest command \[N\].
 ///
 /// # Errors

@@ -15,7 +15,7 @@ pub const MODULATED: [&str; 6] = [
     "thrust_asymmetry",
 ];
 
-/// What a number goes with.
+/// Covariate that a number goes with.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum With {
@@ -44,16 +44,16 @@ pub enum Shape {
     },
     /// tanh((s - at) / width).
     Step {
-        /// at.
+        /// Centre of the step.
         at: f64,
-        /// width.
+        /// Width of the step.
         width: f64,
     },
     /// 2 exp(-((s - at) / width)^2) - 1.
     Bump {
-        /// at.
+        /// Centre of the bump.
         at: f64,
-        /// width.
+        /// Width of the bump.
         width: f64,
     },
 }
@@ -80,11 +80,11 @@ pub struct Modulated {
     pub number: f64,
     /// Slack of a tether \[m\].
     pub slack_m: f64,
-    /// What the number goes with.
+    /// Covariate that the number goes with.
     pub with: With,
     /// That at 0 and 1 of the shape.
     pub range: (f64, f64),
-    /// How.
+    /// Shape of the dependence.
     pub shape: Shape,
     /// Share of the number.
     pub by: f64,
@@ -167,7 +167,7 @@ impl Modulated {
         let s = ((covariate - self.range.0) / (self.range.1 - self.range.0)).clamp(0.0, 1.0);
         let factor = 1.0 + self.by * self.shape.at(s);
         match MODULATED[self.mechanism] {
-            // What is lost astern varies, not the thrust.
+            // The loss astern varies, not the thrust.
             "thrust_asymmetry" => 1.0 - (1.0 - self.number) * factor,
             _ => self.number * factor,
         }

@@ -14,7 +14,7 @@ use super::external_law::{ExternalLaw, Here};
 /// Longest step \[s\]: lags of 50 ms and friction of 0.5 N at 4 mm/s are far inside RK4's region.
 const STEP_MAX_S: f64 = 0.01;
 
-/// What moves.
+/// Vehicle that moves, with its effects and start.
 #[derive(Debug, Clone, Copy)]
 pub struct Mover<'a> {
     /// Its coefficients.

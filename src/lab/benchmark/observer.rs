@@ -15,14 +15,14 @@ use hydroline_inference::prior::PriorTable;
 use hydroline_inference::search::{Found, Options, about};
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_numerics::noise::{Series, estimate};
+use hydroline_numerics::parallel;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
-use rayon::prelude::*;
 
 use super::case::{Case, UNNAMED_ID};
 
 /// The only DOF that moves in these cases.
 const SURGE: usize = 0;
-/// What its choice may cost, in passes: it begins at the truth.
+/// Largest cost of its choice, in passes: it begins at the truth.
 const COST: usize = 60;
 /// Log evidence that one more number of a law costs: its range over its sd is some twenty.
 const ONE_MORE: f64 = 3.0;
@@ -147,12 +147,9 @@ impl Ideal {
         let begins = || [QUIET, FORGIVING].into_iter();
         let each = ways.iter().flat_map(|w| begins().map(move |c| (w, c)));
         let each: Vec<(&Fit, Cell)> = each.collect();
-        let fits = each.into_par_iter();
-        let fits = fits.filter_map(|(w, cell)| fitted_under(&problem, w, cell));
-        let fits: Vec<Fit> = fits.collect();
-        let truth = fits
-            .into_iter()
-            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))?;
+        let fits = parallel::map_slice(&each, |(w, cell)| fitted_under(&problem, w, *cell));
+        let fits = fits.into_iter().flatten();
+        let truth = fits.max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))?;
         Some(Ideal {
             found: about(problem, &truth, options()),
             truth,
@@ -283,10 +280,8 @@ impl Ideal {
                 })
             })
             .collect();
-        let other: Vec<Fit> = jobs
-            .into_par_iter()
-            .filter_map(|j| fitted(problem, &j))
-            .collect();
+        let other = parallel::map_slice(&jobs, |j| fitted(problem, j));
+        let other: Vec<Fit> = other.into_iter().flatten().collect();
         // One that does nothing there stands for nothing.
         let does = |f: &&Fit| less.as_ref().is_none_or(|l| f.ln_evidence > l.ln_evidence);
         let gap = other

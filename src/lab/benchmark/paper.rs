@@ -5,7 +5,7 @@ use hydroline_rigs::{ParameterValue, PhysicsEntry, Plan};
 
 use super::error::ProveError;
 
-/// What those runs cannot distinguish.
+/// Effects that those runs cannot distinguish.
 pub const SET: [&str; 5] = [
     "thruster_deadband",
     "thruster_saturation",

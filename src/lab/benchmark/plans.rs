@@ -1,4 +1,4 @@
-//! What the sealed runs are driven by: runs of different kinds in surge, drawn around those of the library.
+//! Plans of the sealed runs: runs of different kinds in surge, drawn around those of the library.
 
 use hydroline_rigs::{Plan, PlanStep, Shape, StepLoad, Wrench};
 use rand::{RngExt, rngs::StdRng};

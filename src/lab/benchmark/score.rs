@@ -6,12 +6,15 @@ use super::case::{Category, UNNAMED_ID};
 use super::judge::{Counted, Judged, SCORED_M, Tally, weight_right};
 use hydroline_diagnose::verdict::Word;
 
+/// Normal quantile of a 95 % interval.
+pub(super) const Z95: f64 = 1.959_964;
+
 /// Hits out of a number, with Wilson's 95 % interval (JASA 22, 1927).
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Rate {
-    /// Hits.
+    /// Number of hits.
     pub hits: usize,
-    /// Out of.
+    /// Number counted, hits and misses.
     pub count: usize,
     /// Share; NaN without any.
     pub share: f64,
@@ -29,7 +32,7 @@ impl Rate {
             n += 1;
             k += usize::from(hit);
         }
-        let (nf, z) = (n as f64, 1.959_964_f64);
+        let (nf, z) = (n as f64, Z95);
         let p = k as f64 / nf;
         let wide = 1.0 + z * z / nf;
         let centre = (p + z * z / (2.0 * nf)) / wide;
@@ -47,9 +50,9 @@ impl Rate {
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Line {
-    /// What is counted.
+    /// Quantity that is counted.
     pub what: &'static str,
-    /// What is asked.
+    /// Bound to meet; empty = none.
     pub asked: &'static str,
     /// The diagnosis.
     pub tool: Rate,
@@ -68,16 +71,16 @@ pub struct Error {
     pub covered: Rate,
 }
 
-/// Everything.
+/// Scores of all cases together.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Score {
     /// Cases per category.
     pub cases: BTreeMap<&'static str, usize>,
-    /// Lines.
+    /// Lines of the table.
     pub lines: Vec<Line>,
     /// Heaviest there -> heaviest named -> cases.
     pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
-    /// Parameters.
+    /// Errors of the parameters.
     pub errors: Vec<Error>,
     /// Median rms of the run held out over its noise: before, after.
     pub held_out: [f64; 2],
@@ -329,7 +332,7 @@ fn answer(j: &Judged) -> String {
     }
 }
 
-/// What went wrong in a case, in a line; `None` where nothing did.
+/// Complaint about a case, in a line; `None` where nothing went wrong.
 pub fn complaint(j: &Judged) -> Option<String> {
     let mut wrong: Vec<String> = j
         .passed

@@ -1,4 +1,4 @@
-//! How much of a noisy row is the luck of its seed: the largest error over many boards.
+//! Luck of the seed in a noisy row: the largest error over many boards.
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 

@@ -210,25 +210,6 @@ fn intervals_cover_the_truth_in_full() {
     assert!((0.92..=0.98).contains(&covered), "{covered}");
 }
 
-#[test]
-#[ignore = "prints the table"]
-fn print_table() {
-    for r in table(7).unwrap() {
-        println!(
-            "{:20} {:26} {:.3} / {:.3} / {:.3}  mean eta {:+.3}  {}/{}  covered {:.3}",
-            r.method.name(),
-            r.case.name(),
-            r.rms_xi_mm,
-            r.rms_eta_mm,
-            r.max_mm,
-            r.mean_eta_mm,
-            r.answered,
-            r.asked,
-            r.covered
-        );
-    }
-}
-
 /// The largest error over the sheet is the luck of 242 numbers: perspective alone, which nobody
 /// can do without, stays within 0.2 mm for 93 % of all boards; the lens and its port may cost little more.
 #[test]
@@ -239,20 +220,5 @@ fn distortion_costs_little_more_than_perspective_alone() {
         let found = spread::over_seeds(Method::Homography, case, 100, 1000).unwrap();
         assert!(found.median_mm < 1.45 * least.median_mm, "{found:?}");
         assert!(found.within >= within, "{case:?}: {found:?}");
-    }
-}
-
-#[test]
-#[ignore = "prints figures"]
-fn largest_errors_over_many_seeds() {
-    println!(
-        "perspective alone {:?}",
-        spread::perspective_alone(200, 4000).unwrap()
-    );
-    for case in [Case::PortNoisy, Case::AirNoisy] {
-        for method in [Method::Homography, Method::Refractive] {
-            let s = spread::over_seeds(method, case, 200, 1000).unwrap();
-            println!("{} {case:?} {s:?}", method.name());
-        }
     }
 }

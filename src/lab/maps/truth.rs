@@ -117,7 +117,7 @@ impl Rig {
     }
 }
 
-/// What a builder would know of the study's rig: sizes to a few per cent, not the truth.
+/// Knowledge that a builder would have of the study's rig: sizes to a few per cent, not the truth.
 pub fn prior(rig: &Rig) -> RefractivePrior {
     RefractivePrior {
         focal_px: Known::new(rig.focal_px * 1.01, 0.02 * rig.focal_px),

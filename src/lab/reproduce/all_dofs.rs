@@ -1,17 +1,14 @@
 //! The other five DOFs, identified through rendered frames, undisturbed.
 
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ReproduceError;
-use super::coefficient_errors::{CoefficientErrors, Identified};
+use super::coefficient_errors::{CoefficientErrors, ESTIMATORS, Identified, by_condition};
 use super::experiment::{Experiment, Seen, guess_of};
-use hydroline_core::run::Run;
 use hydroline_identify::data::Start;
-use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_identify::problem::Objective;
 use hydroline_pose::Pose;
 
 /// One DOF by one estimator.
@@ -21,7 +18,7 @@ pub struct DofRow {
     pub dof: String,
     /// `paper` (its formula) or `joint`.
     pub estimator: String,
-    /// Experiments.
+    /// Number of experiments.
     pub seeds: usize,
     /// Frames of one experiment.
     pub frames: usize,
@@ -89,6 +86,7 @@ fn experiments(dof: Dof) -> [Experiment; 2] {
 
 struct Outcome {
     identified: Identified,
+    frames: usize,
     position_rms: f64,
     lost: f64,
 }
@@ -112,33 +110,20 @@ pub fn dofs(
 ) -> Result<Vec<DofRow>, ReproduceError> {
     let rig = Rig::builtin("lshpi")?;
     let guess = guess_of(&rig);
-    let tasks: Vec<(Dof, u64)> = chosen
-        .iter()
-        .flat_map(|d| (1..=seeds).map(move |s| (*d, s)))
-        .collect();
-    let outcomes: Result<Vec<([Outcome; 2], usize)>, ReproduceError> = tasks
-        .par_iter()
-        .map(|(dof, seed)| {
-            let runs = experiments(*dof);
-            let seen = Experiment::see_all(&runs, &rig, *seed)?;
-            let both = [
-                fit(*dof, &guess, &runs, &seen, |s| &s.formula)?,
-                fit(*dof, &guess, &runs, &seen, |s| &s.joint)?,
-            ];
-            progress();
-            Ok((both, seen.iter().map(|s| s.t_s.len()).sum()))
-        })
-        .collect();
-    let outcomes = outcomes?;
+    let outcomes = by_condition(chosen, seeds, |dof, seed| {
+        let runs = experiments(dof);
+        let seen = Experiment::see_all(&runs, &rig, seed)?;
+        let both = [
+            fit(dof, &guess, &runs, &seen, |s| &s.formula)?,
+            fit(dof, &guess, &runs, &seen, |s| &s.joint)?,
+        ];
+        progress();
+        Ok(both)
+    })?;
     let mut rows = Vec::new();
-    for dof in chosen {
-        for (e, estimator) in ["paper", "joint"].into_iter().enumerate() {
-            let of: Vec<(&Outcome, usize)> = tasks
-                .iter()
-                .zip(&outcomes)
-                .filter(|((d, _), _)| d == dof)
-                .map(|(_, (both, frames))| (&both[e], *frames))
-                .collect();
+    for (dof, both) in &outcomes {
+        for (e, estimator) in ESTIMATORS.into_iter().enumerate() {
+            let of: Vec<&Outcome> = both.iter().map(|both| &both[e]).collect();
             rows.push(row(*dof, estimator, &rig, &of));
         }
     }
@@ -152,69 +137,40 @@ fn fit(
     seen: &[Seen],
     positions: impl Fn(&Seen) -> &Vec<f64>,
 ) -> Result<Outcome, ReproduceError> {
-    let data: Vec<Run> = runs
-        .iter()
-        .zip(seen)
-        .map(|(r, s)| r.run(s, positions(s)))
-        .collect();
-    let found = identify(
-        &data,
-        guess,
-        &Options {
-            model: ModelChoice::Axis(dof),
-            method: &LevenbergMarquardt { starts: 3 },
-            start: Start::AtRest,
-            cross_validate: false,
-            ..Options::default()
-        },
-    )?;
-    let keys = Coefficient::of(dof).map(Coefficient::key);
     let (mut square, mut answered, mut frames) = (0.0, 0usize, 0usize);
     for s in seen {
-        let errors: Vec<f64> = positions(s)
-            .iter()
-            .zip(&s.truth)
-            .map(|(p, t)| p - t)
-            .filter(|e| e.is_finite())
-            .collect();
+        let errors = s.finite_errors(positions(s));
         let mean = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
         square += errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>();
         answered += errors.len();
         frames += s.t_s.len();
     }
+    let how = (Objective::LeastSquares, Start::AtRest);
     let unit = if dof.index() < 3 {
         1e3
     } else {
         1f64.to_degrees()
     };
     Ok(Outcome {
-        identified: Identified {
-            values: keys.map(|k| found.value(k).unwrap_or(f64::NAN)),
-            sds: keys.map(|k| {
-                found
-                    .parameters
-                    .get(k)
-                    .and_then(|p| p.sd)
-                    .unwrap_or(f64::NAN)
-            }),
-        },
+        identified: Identified::from_positions(dof, guess, runs, seen, positions, how)?,
         position_rms: unit * (square / answered.max(1) as f64).sqrt(),
+        frames,
         lost: 1.0 - answered as f64 / frames.max(1) as f64,
     })
 }
 
-fn row(dof: Dof, estimator: &str, rig: &Rig, of: &[(&Outcome, usize)]) -> DofRow {
+fn row(dof: Dof, estimator: &str, rig: &Rig, of: &[&Outcome]) -> DofRow {
     let terms = Coefficient::of(dof);
     let actual = terms.map(|c| c.of_vehicle(&rig.vehicle));
     let n = of.len().max(1) as f64;
-    let found: Vec<Identified> = of.iter().map(|(o, _)| o.identified).collect();
+    let found: Vec<Identified> = of.iter().map(|o| o.identified).collect();
     let errors = CoefficientErrors::of(actual, &found);
-    let square = of.iter().map(|(o, _)| o.position_rms.powi(2)).sum::<f64>();
+    let square = of.iter().map(|o| o.position_rms.powi(2)).sum::<f64>();
     DofRow {
         dof: dof.name().to_owned(),
         estimator: estimator.to_owned(),
         seeds: of.len(),
-        frames: of.first().map_or(0, |o| o.1),
+        frames: of.first().map_or(0, |o| o.frames),
         symbols: terms.map(|c| c.symbol().to_owned()),
         actual,
         mean_percent: errors.mean_percent,
@@ -222,6 +178,6 @@ fn row(dof: Dof, estimator: &str, rig: &Rig, of: &[(&Outcome, usize)]) -> DofRow
         sd_percent: errors.sd_percent,
         worst_in_sd: errors.worst_in_sd,
         position_rms: (square / n).sqrt(),
-        lost: of.iter().map(|(o, _)| o.lost).sum::<f64>() / n,
+        lost: of.iter().map(|o| o.lost).sum::<f64>() / n,
     }
 }

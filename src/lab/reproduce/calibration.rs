@@ -68,9 +68,9 @@ pub struct CalibrationStudy {
     pub seed: u64,
     /// Case by case, literal maps first.
     pub rows: Vec<CalibrationRow>,
-    /// What the seed does to the largest error of the noisy rows.
+    /// Spread of the noisy rows' largest error over seeds.
     pub largest_errors: Vec<LargestErrors>,
-    /// What the table shows.
+    /// Findings of the table, in words.
     pub explanation: &'static str,
 }
 

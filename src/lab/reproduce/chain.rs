@@ -13,7 +13,7 @@ use hydroline_stripe::{Extractor, ExtractorConfig};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// How the stripe is read.
+/// Method of reading the stripe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reading {
     /// Central pixel, single points: the paper's.
@@ -22,7 +22,7 @@ pub(super) enum Reading {
     SubPixel,
 }
 
-/// What one motion is estimated from.
+/// Readings of a frame that motions are estimated from.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
     pub levels: Option<Levels>,
@@ -153,7 +153,7 @@ impl Bench {
         }
     }
 
-    /// What the paper's formula says of `seen` against `first`, SI; `None` where it has no answer.
+    /// Answer of the paper's formula for `seen` against `first`, SI; `None` where it has none.
     /// `actual` is used for continuity (which hexagon) alone; `psi_s_rad` = yaw of the path.
     pub fn formula(
         &self,

@@ -1,4 +1,36 @@
-//! Errors of three coefficients over many experiments.
+//! Three coefficients, identified in each of many experiments, and their errors.
+
+use hydroline_core::run::Run;
+use hydroline_identify::data::Start;
+use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_identify::parameter::Coefficient;
+use hydroline_identify::problem::Objective;
+use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_numerics::parallel;
+use hydroline_rigs::{Dof, Rig};
+
+use super::ReproduceError;
+use super::experiment::{Experiment, Seen};
+
+/// Estimators of one experiment, in the order of their outcomes.
+pub(super) const ESTIMATORS: [&str; 2] = ["paper", "joint"];
+
+/// Outcomes of the experiments 1 to `seeds` under each of the `chosen` conditions, condition by condition.
+pub(super) fn by_condition<C: Copy + Sync, O: Send>(
+    chosen: &[C],
+    seeds: u64,
+    one: impl Fn(C, u64) -> Result<O, ReproduceError> + Sync,
+) -> Result<Vec<(C, Vec<O>)>, ReproduceError> {
+    let all: Vec<(C, u64)> = chosen
+        .iter()
+        .flat_map(|c| (1..=seeds).map(move |seed| (*c, seed)))
+        .collect();
+    let mut found = parallel::try_map_slice(&all, |(c, s)| one(*c, *s))?.into_iter();
+    Ok(chosen
+        .iter()
+        .map(|c| (*c, (1..=seeds).map_while(|_| found.next()).collect()))
+        .collect())
+}
 
 /// Three coefficients as one experiment identified them, in SI.
 #[derive(Clone, Copy)]
@@ -7,11 +39,46 @@ pub(super) struct Identified {
     pub sds: [f64; 3],
 }
 
+impl Identified {
+    /// Identifies the coefficients of `dof` from one estimator's `positions` in the runs of an experiment.
+    pub fn from_positions(
+        dof: Dof,
+        guess: &Rig,
+        runs: &[Experiment; 2],
+        seen: &[Seen],
+        positions: impl Fn(&Seen) -> &Vec<f64>,
+        (objective, start): (Objective, Start),
+    ) -> Result<Identified, ReproduceError> {
+        let data: Vec<Run> = runs
+            .iter()
+            .zip(seen)
+            .map(|(r, s)| r.run(s, positions(s)))
+            .collect();
+        let found = identify(
+            &data,
+            guess,
+            &Options {
+                model: ModelChoice::Axis(dof),
+                method: &LevenbergMarquardt { starts: 3 },
+                objective,
+                start,
+                cross_validate: false,
+                ..Options::default()
+            },
+        )?;
+        let keys = Coefficient::of(dof).map(Coefficient::key);
+        let sd = |k: &str| found.parameters.get(k).and_then(|p| p.sd);
+        Ok(Identified {
+            values: keys.map(|k| found.value(k).unwrap_or(f64::NAN)),
+            sds: keys.map(|k| sd(k).unwrap_or(f64::NAN)),
+        })
+    }
+}
+
 /// Errors of the coefficients, each over all experiments.
 pub(super) struct CoefficientErrors {
     /// Mean error \[% of the actual\].
     pub mean_percent: [f64; 3],
-    /// rms error \[%\].
     pub rms_percent: [f64; 3],
     /// rms of the reported standard deviations \[%\].
     pub sd_percent: [f64; 3],
@@ -20,7 +87,6 @@ pub(super) struct CoefficientErrors {
 }
 
 impl CoefficientErrors {
-    /// Errors against the `actual` values.
     pub fn of(actual: [f64; 3], found: &[Identified]) -> CoefficientErrors {
         let n = found.len().max(1) as f64;
         let percent =

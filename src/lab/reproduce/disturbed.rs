@@ -11,9 +11,9 @@ use serde::Serialize;
 /// One cell of Table 4 or 5.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Disturbed {
-    /// Formula.
+    /// Motion that the formula measures.
     pub motion: Motion,
-    /// Disturbance.
+    /// Motion that disturbs it.
     pub by: Motion,
     /// Its range, mm or degrees.
     pub from_to: [f64; 2],
@@ -30,9 +30,9 @@ pub struct Disturbed {
 }
 
 /// Joint pose under all disturbances at once.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct JointAccuracy {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// Frames without a pose.
     pub failed: usize,
@@ -192,7 +192,6 @@ fn motions(motion: Motion) -> Vec<(Pose, Vec<f64>)> {
     }
 }
 
-/// The light of a rig's frames.
 fn light(rig: &Rig) -> Light {
     Light {
         brightness: rig.laser.peak,
@@ -233,13 +232,7 @@ pub fn joint_accuracy(
     let seen = bench.see(&poses, Reading::SubPixel, Some(Held::default()));
     let mut out = JointAccuracy {
         frames,
-        failed: 0,
-        rms: [0.0; 6],
-        reported_sd: [0.0; 6],
-        bound: [0.0; 6],
-        worst_in_sd: 0.0,
-        covered_95: 0.0,
-        covered_95_each: [0.0; 6],
+        ..JointAccuracy::default()
     };
     for (seen, truth) in seen.iter().zip(&poses) {
         let Some(joint) = seen.joint.as_ref().filter(|j| j.measured == [true; 6]) else {

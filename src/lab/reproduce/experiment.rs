@@ -36,13 +36,9 @@ const STEP_S: f64 = 0.002;
 pub struct Swing {
     /// Place in a pose: 3 = φ, 4 = θ, 5 = ψ.
     pub index: usize,
-    /// Mean \[rad\].
     pub mean_rad: f64,
-    /// Amplitude \[rad\].
     pub amp_rad: f64,
-    /// Period \[s\].
     pub period_s: f64,
-    /// Phase \[rad\].
     pub phase_rad: f64,
 }
 
@@ -56,22 +52,20 @@ impl Swing {
 /// One run.
 #[derive(Debug, Clone)]
 pub struct Experiment {
-    /// Name.
     pub name: String,
-    /// What moves.
+    /// DOF that moves.
     pub dof: Dof,
     /// Pose of the CG at rest; in surge ψ is also the direction of the path.
     pub start: Pose,
     /// (time \[s\], load \[N, N m\]), each held until the next.
     pub loads: Vec<(f64, f64)>,
-    /// Length \[s\].
     pub length_s: f64,
-    /// Disturbances.
+    /// Disturbances of the attitude.
     pub swings: Vec<Swing>,
 }
 
-/// What one run's images gave, one entry per frame.
-#[derive(Debug, Clone)]
+/// Results from one run's images, one entry per frame.
+#[derive(Debug, Clone, Default)]
 pub struct Seen {
     /// Stamps \[s\].
     pub t_s: Vec<f64>,
@@ -83,6 +77,14 @@ pub struct Seen {
     pub joint: Vec<f64>,
     /// ψ_S as the paper finds it: the mean of ψ_S,i \[rad\]; surge only.
     pub psi_s_rad: Option<f64>,
+}
+
+impl Seen {
+    /// Errors of one estimator's positions; those without an answer are left out.
+    pub fn finite_errors(&self, positions: &[f64]) -> Vec<f64> {
+        let errors = positions.iter().zip(&self.truth).map(|(p, t)| p - t);
+        errors.filter(|e| e.is_finite()).collect()
+    }
 }
 
 impl Experiment {
@@ -142,13 +144,7 @@ impl Experiment {
         rig.tank.start_pose = self.start.to_array();
         let renderer = Renderer::new(&rig)?;
         let mut eye = Eye::new(&rig, self);
-        let mut seen = Seen {
-            t_s: Vec::new(),
-            truth: Vec::new(),
-            formula: Vec::new(),
-            joint: Vec::new(),
-            psi_s_rad: None,
-        };
+        let mut seen = Seen::default();
         let mut image = GreyImage {
             width_px: renderer.width_px(),
             height_px: renderer.height_px(),
@@ -220,7 +216,7 @@ struct Eye {
     chain: Option<Chain>,
     heights_m: Vec<f64>,
     eta_level_m: f64,
-    /// Which of the places that fit l and r is meant: X_S and ψ_S to within centimetres and degrees,
+    /// Place that is meant of those that fit l and r: X_S and ψ_S to within centimetres and degrees,
     /// from the start, then from where the vehicle was seen last. Near a joint the formula alone cannot
     /// tell a place from its mirror image.
     near: (f64, f64),
@@ -262,7 +258,7 @@ impl Eye {
                 self.near = crossing_of(&fit.pose, self.ahead_m);
                 Some(*fit)
             }
-            // Which hexagon it is moves x by whole hexagons and nothing else.
+            // The choice of the hexagon moves x by whole hexagons and nothing else.
             RunPose::Flagged(fit) if self.dof != Dof::Surge && only_which_hexagon(&fit) => {
                 Some(*fit)
             }
@@ -328,23 +324,16 @@ impl Eye {
                 f64::NAN
             }
         };
-        let of = |c: usize| -> Vec<f64> {
-            self.poses
-                .iter()
-                .map(|p| p.as_ref().map_or(f64::NAN, |p| coordinate(p, c)))
-                .collect()
+        let each = |f: &dyn Fn(&JointPose) -> f64| -> Vec<f64> {
+            let poses = self.poses.iter();
+            poses.map(|p| p.as_ref().map_or(f64::NAN, f)).collect()
         };
+        let of = |c: usize| each(&|p| coordinate(p, c));
         if self.dof == Dof::Surge {
-            let light = |f: &dyn Fn(&JointPose) -> f64| -> Vec<f64> {
-                self.poses
-                    .iter()
-                    .map(|p| p.as_ref().map_or(f64::NAN, f))
-                    .collect()
-            };
             one_sheet(
                 &along_track(&of(0), &of(1)),
-                &light(&|p| p.thickness_m),
-                &light(&|p| p.brightness),
+                &each(&|p| p.thickness_m),
+                &each(&|p| p.brightness),
             )
         } else {
             of(i)

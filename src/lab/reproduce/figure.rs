@@ -7,7 +7,7 @@ use std::fmt::Write;
 /// One curve or cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Series {
-    /// What it is.
+    /// Name in the legend.
     pub name: String,
     /// x, y.
     pub points: Vec<[f64; 2]>,
@@ -18,11 +18,11 @@ pub struct Series {
 /// A diagram.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Figure {
-    /// Title.
+    /// Title of the diagram.
     pub title: String,
     /// Axes with units.
     pub axes: [String; 2],
-    /// Contents.
+    /// Curves and clouds.
     pub series: Vec<Series>,
     /// Numbers to be read beside it.
     pub notes: Vec<String>,

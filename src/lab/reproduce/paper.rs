@@ -1,7 +1,14 @@
-//! The paper's own numbers: Tables 10 and 11.
+//! The paper's own numbers: Tables 7, 10 and 11.
 
 use hydroline_identify::axis::AxisModel;
 use hydroline_identify::parameter::PAPER_MASS_KG;
+
+/// Table 7: ψ_S \[°\] and largest absolute position error \[mm\] at 4 and 8 N; undisturbed, with pitch, with pitch and yaw.
+pub const TABLE7: [[(f64, f64); 2]; 3] = [
+    [(-4.05, 1.0), (-4.08, 1.0)],
+    [(-4.07, 14.6), (-4.05, 29.7)],
+    [(-1.53, 15.4), (-2.36, 27.9)],
+];
 
 /// (what, X_udot, X_u, X_u|u|): Table 10, the actual parameters first.
 pub const TABLE10: [(&str, [f64; 3]); 4] = [
@@ -21,11 +28,11 @@ pub const TABLE11_PRINTED_MM: [[f64; 3]; 3] =
 /// One row of Table 11.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, schemars::JsonSchema)]
 pub struct Table11Row {
-    /// Condition.
+    /// Condition of the row, as in Table 10.
     pub condition: String,
     /// Largest |x of these parameters - x of the actual ones| over 5 m, at 4, 8, 16 N \[mm\].
     pub error_mm: [f64; 3],
-    /// What the paper prints \[mm\].
+    /// The same as the paper prints it \[mm\].
     pub printed_mm: [f64; 3],
 }
 

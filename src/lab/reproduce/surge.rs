@@ -1,6 +1,7 @@
 //! Table 7 and Figure 17: six surge runs, by the paper's formulas and by joint pose smoothed over the run.
 
 use super::chain::{Bench, Reading, Seen};
+use super::paper::TABLE7;
 use super::{Motion, ReproduceError};
 use hydroline_pose::Pose;
 use hydroline_pose::estimators::{Chain, ChainFix, Crossing, surge_positions};
@@ -28,13 +29,13 @@ const TURN_RAD: f64 = 0.02;
 /// nothing is known of its thrust. Smoothing must not need what identification is to find.
 const COEFFICIENTS_OFF: f64 = 1.2;
 
-/// What is added to the motion.
+/// Disturbance added to the motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Disturbance {
-    /// Nothing.
+    /// No disturbance.
     None,
-    /// Pitch.
+    /// Pitch alone.
     Pitch,
     /// Pitch and yaw.
     PitchAndYaw,
@@ -54,9 +55,9 @@ impl Disturbance {
 pub struct SurgeRun {
     /// X \[N\].
     pub thrust_n: f64,
-    /// What is added.
+    /// Disturbance added to the run.
     pub disturbance: Disturbance,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
     /// The paper's ψ_S \[°\].
     pub paper_psi_s_deg: f64,
@@ -282,7 +283,8 @@ fn run(
     let errors = smoothed.frames.iter().zip(&poses);
     let smoothed_mm = summary(errors.map(|(s, p)| along(s.eta, p)));
     let variance = smoothed.frames.iter().map(|f| f.covariance[(0, 0)]);
-    let (paper_psi_s_deg, paper_max_mm) = paper(thrust_n, disturbance);
+    let is_strong = thrust_n >= 6.0;
+    let (paper_psi_s_deg, paper_max_mm) = TABLE7[disturbance as usize][usize::from(is_strong)];
     Ok(SurgeRun {
         thrust_n,
         disturbance,
@@ -324,16 +326,4 @@ fn summary(errors: impl Iterator<Item = f64>) -> [f64; 2] {
         n += 1.0;
     }
     [(square / f64::max(n, 1.0)).sqrt(), most]
-}
-
-/// Table 7 of the paper: ψ_S \[°\] and maximum absolute position error \[mm\].
-fn paper(thrust_n: f64, disturbance: Disturbance) -> (f64, f64) {
-    match (disturbance, thrust_n < 6.0) {
-        (Disturbance::None, true) => (-4.05, 1.0),
-        (Disturbance::None, false) => (-4.08, 1.0),
-        (Disturbance::Pitch, true) => (-4.07, 14.6),
-        (Disturbance::Pitch, false) => (-4.05, 29.7),
-        (Disturbance::PitchAndYaw, true) => (-1.53, 15.4),
-        (Disturbance::PitchAndYaw, false) => (-2.36, 27.9),
-    }
 }

@@ -1,42 +1,30 @@
 //! Tables 7, 10 and 11 anew: surge at 4 and 8 N through rendered frames under three conditions, many times.
 
 use hydroline_rigs::{Dof, Rig};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ReproduceError;
-use super::coefficient_errors::{CoefficientErrors, Identified};
+use super::coefficient_errors::{CoefficientErrors, ESTIMATORS, Identified, by_condition};
 use super::experiment::{Experiment, Seen, Swing, guess_of};
-use super::paper::{TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
-use hydroline_core::run::Run;
+use super::paper::{TABLE7, TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
 use hydroline_identify::data::Start;
-use hydroline_identify::lm::LevenbergMarquardt;
-use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::Objective;
-use hydroline_identify::{ModelChoice, Options, identify};
 use hydroline_pose::Pose;
 
-/// Table 7: ψ_S \[°\] and largest position error \[mm\] at 4 and 8 N.
-pub const TABLE7: [[(f64, f64); 2]; 3] = [
-    [(-4.05, 1.0), (-4.08, 1.0)],
-    [(-4.07, 14.6), (-4.05, 29.7)],
-    [(-1.53, 15.4), (-2.36, 27.9)],
-];
-
-/// How positions become coefficients, under one condition.
+/// Errors of one estimator's coefficients under one condition.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
     /// `surge only`, `with pitch`, `with pitch and yaw`.
     pub condition: String,
     /// `paper` (formula, Eq. 10) or `joint` (joint pose, least squares).
     pub estimator: String,
-    /// Experiments.
+    /// Number of experiments.
     pub seeds: usize,
     /// Mean error of X_u̇, X_u, X_u|u| \[% of the actual\].
     pub mean_percent: [f64; 3],
     /// rms of the same.
     pub rms_percent: [f64; 3],
-    /// What the paper prints, as an error \[%\].
+    /// Error of the paper's printed coefficients \[%\].
     pub printed_percent: [f64; 3],
     /// rms of the reported standard deviations \[%\].
     pub sd_percent: [f64; 3],
@@ -46,13 +34,13 @@ pub struct Row {
     pub prediction_mm: [f64; 3],
     /// The largest of all seeds \[mm\].
     pub prediction_worst_mm: [f64; 3],
-    /// What the paper prints \[mm\].
+    /// Position error that the paper prints in Table 11 \[mm\].
     pub prediction_printed_mm: [f64; 3],
     /// Largest |position error| of all seeds at 4 and 8 N \[mm\] (Table 7).
     pub position_mm: [f64; 2],
     /// rms position error about its mean at 4 and 8 N \[mm\].
     pub position_rms_mm: [f64; 2],
-    /// What the paper prints \[mm\].
+    /// Position error that the paper prints in Table 7 \[mm\].
     pub position_printed_mm: [f64; 2],
     /// ψ_S as the formula finds it, mean over the seeds \[°\]; paper estimator only.
     pub psi_s_deg: Option<[f64; 2]>,
@@ -122,7 +110,7 @@ fn experiments(pitch: bool, yaw: bool, l_laser_m: f64) -> [Experiment; 2] {
     })
 }
 
-/// What one experiment (both runs) gave with one estimator.
+/// Result of one experiment (both runs) with one estimator.
 struct Outcome {
     identified: Identified,
     position_m: [f64; 2],
@@ -152,32 +140,18 @@ pub fn table10_under(
     let chosen: Vec<usize> = chosen.iter().copied().filter(|c| *c < all.len()).collect();
     let rig = Rig::builtin("lshpi")?;
     let guess = guess_of(&rig);
-    let tasks: Vec<(usize, u64)> = chosen
-        .iter()
-        .flat_map(|c| (1..=seeds).map(move |s| (*c, s)))
-        .collect();
-    let outcomes: Result<Vec<[Outcome; 2]>, ReproduceError> = tasks
-        .par_iter()
-        .map(|(c, seed)| {
-            let (_, pitch, yaw) = all[*c];
-            let runs = experiments(pitch, yaw, rig.mounts.l_laser_m);
-            let found = one(&rig, &guess, &runs, *seed);
-            progress();
-            found
-        })
-        .collect();
-    let outcomes = outcomes?;
+    let outcomes = by_condition(&chosen, seeds, |c, seed| {
+        let (_, pitch, yaw) = all[c];
+        let runs = experiments(pitch, yaw, rig.mounts.l_laser_m);
+        let found = one(&rig, &guess, &runs, seed);
+        progress();
+        found
+    })?;
     let mut rows = Vec::new();
-    for c in chosen {
-        let (condition, ..) = all[c];
-        for (e, estimator) in ["paper", "joint"].into_iter().enumerate() {
-            let of: Vec<&Outcome> = tasks
-                .iter()
-                .zip(&outcomes)
-                .filter(|((at, _), _)| *at == c)
-                .map(|(_, both)| &both[e])
-                .collect();
-            rows.push(row(c, condition, estimator, &of));
+    for (c, both) in &outcomes {
+        for (e, estimator) in ESTIMATORS.into_iter().enumerate() {
+            let of: Vec<&Outcome> = both.iter().map(|both| &both[e]).collect();
+            rows.push(row(*c, all[*c].0, estimator, &of));
         }
     }
     Ok(rows)
@@ -190,23 +164,12 @@ fn one(
     seed: u64,
 ) -> Result<[Outcome; 2], ReproduceError> {
     let seen = Experiment::see_all(runs, rig, seed)?;
-    let paper = fit(
-        guess,
-        runs,
-        &seen,
-        |s| &s.formula,
-        Objective::SumOfAbsolute,
-        Start::AtRestFromZero,
-    )?;
-    let joint = fit(
-        guess,
-        runs,
-        &seen,
-        |s| &s.joint,
-        Objective::LeastSquares,
-        Start::AtRest,
-    )?;
-    Ok([paper, joint])
+    let eq10 = (Objective::SumOfAbsolute, Start::AtRestFromZero);
+    let squares = (Objective::LeastSquares, Start::AtRest);
+    Ok([
+        fit(guess, runs, &seen, |s| &s.formula, eq10)?,
+        fit(guess, runs, &seen, |s| &s.joint, squares)?,
+    ])
 }
 
 /// Coefficients from both runs by one estimator's positions.
@@ -215,54 +178,20 @@ fn fit(
     runs: &[Experiment; 2],
     seen: &[Seen],
     positions: impl Fn(&Seen) -> &Vec<f64>,
-    objective: Objective,
-    start: Start,
+    how: (Objective, Start),
 ) -> Result<Outcome, ReproduceError> {
-    let data: Vec<Run> = runs
-        .iter()
-        .zip(seen)
-        .map(|(r, s)| r.run(s, positions(s)))
-        .collect();
-    let found = identify(
-        &data,
-        guess,
-        &Options {
-            model: ModelChoice::Axis(Dof::Surge),
-            method: &LevenbergMarquardt { starts: 3 },
-            objective,
-            start,
-            cross_validate: false,
-            ..Options::default()
-        },
-    )?;
-    let keys = Coefficient::of(Dof::Surge).map(Coefficient::key);
-    let number = |f: &dyn Fn(&hydroline_identify::Estimate) -> f64| {
-        keys.map(|k| found.parameters.get(k).map_or(f64::NAN, f))
-    };
     let errors = |s: &Seen| -> Vec<f64> {
         // A position counts from the first, as the formula's does; the joint pose's zero is the tank's.
-        let zero = positions(s)
-            .iter()
-            .zip(&s.truth)
-            .map(|(p, t)| p - t)
-            .find(|e| e.is_finite())
-            .unwrap_or(0.0);
-        positions(s)
-            .iter()
-            .zip(&s.truth)
-            .map(|(p, t)| p - t - zero)
-            .filter(|e| e.is_finite())
-            .collect()
+        let errors = s.finite_errors(positions(s));
+        let zero = errors.first().copied().unwrap_or(0.0);
+        errors.into_iter().map(|e| e - zero).collect()
     };
     let each: Vec<Vec<f64>> = seen.iter().map(errors).collect();
     let frames: usize = seen.iter().map(|s| s.t_s.len()).sum();
     let answered: usize = each.iter().map(Vec::len).sum();
     let two = |f: &dyn Fn(&[f64]) -> f64| [f(&each[0]), f(&each[1])];
     Ok(Outcome {
-        identified: Identified {
-            values: number(&|p| p.value),
-            sds: number(&|p| p.sd.unwrap_or(f64::NAN)),
-        },
+        identified: Identified::from_positions(Dof::Surge, guess, runs, seen, &positions, how)?,
         position_m: two(&|e| e.iter().fold(0.0_f64, |m, v| m.max(v.abs()))),
         position_rms_m: two(&|e| {
             let n = e.len().max(1) as f64;

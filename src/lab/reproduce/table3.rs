@@ -12,7 +12,7 @@ const CORNER_M: f64 = 0.008;
 /// One row of the table, errors in mm or degrees.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Row {
-    /// Motion.
+    /// Motion that the formula measures.
     pub motion: Motion,
     /// Unit of the errors.
     pub unit: &'static str,
@@ -33,16 +33,14 @@ pub struct Row {
     pub missing: [usize; 3],
 }
 
-/// Motion, paper's errors, range, increment, floor→CG, ψ_S of the start.
-type Conditions = (Motion, [f64; 2], f64, f64, f64, f64, f64);
-
-const ROWS: [Conditions; 6] = [
-    (Motion::Surge, [-0.8, 0.7], 0.0, 200.0, 1.0, 0.83, 0.0),
-    (Motion::Sway, [-0.2, 0.6], 0.0, 280.0, 1.0, 0.83, 0.0),
-    (Motion::Heave, [-0.6, 0.7], 0.0, 420.0, 1.0, 0.93, 0.0),
-    (Motion::Roll, [-0.2, 0.2], -20.0, 20.0, 0.1, 0.68, 0.0),
-    (Motion::Pitch, [-0.2, 0.7], -20.0, 20.0, 0.1, 0.68, 0.0),
-    (Motion::Yaw, [-0.6, 0.8], 0.0, 34.0, 0.1, 0.83, -17.0),
+/// Motion, the range of its animation in mm or degrees, and the errors that the paper prints.
+const ROWS: [(Motion, [f64; 2], [f64; 2]); 6] = [
+    (Motion::Surge, [0.0, 200.0], [-0.8, 0.7]),
+    (Motion::Sway, [0.0, 280.0], [-0.2, 0.6]),
+    (Motion::Heave, [0.0, 420.0], [-0.6, 0.7]),
+    (Motion::Roll, [-20.0, 20.0], [-0.2, 0.2]),
+    (Motion::Pitch, [-20.0, 20.0], [-0.2, 0.7]),
+    (Motion::Yaw, [0.0, 34.0], [-0.6, 0.8]),
 ];
 
 /// Computes the table from every `every`-th frame of the paper's animations (1 = all).
@@ -50,17 +48,20 @@ const ROWS: [Conditions; 6] = [
 /// # Errors
 /// [`ReproduceError`].
 pub fn table3(every: usize) -> Result<Vec<Row>, ReproduceError> {
-    ROWS.iter().map(|row| one(row, every.max(1))).collect()
+    let one = |(motion, range, paper)| one(motion, range, paper, every.max(1));
+    ROWS.into_iter().map(one).collect()
 }
 
 fn one(
-    row: &(Motion, [f64; 2], f64, f64, f64, f64, f64),
+    motion: Motion,
+    [low, high]: [f64; 2],
+    paper: [f64; 2],
     every: usize,
 ) -> Result<Row, ReproduceError> {
-    let &(motion, paper, low, high, increment, height_m, psi_deg) = row;
+    let increment = if motion.index() < 3 { 1.0 } else { 0.1 };
     let bench = Bench::of(motion)?;
     let per_si = motion.per_si();
-    let start = start(motion, height_m, psi_deg);
+    let start = start(motion);
     let count = ((high - low) / increment).round() as usize;
     // Thinned about the level frame, which roll and pitch are measured from.
     let level = (-low / increment).round().max(0.0) as usize;
@@ -140,17 +141,19 @@ fn one(
     })
 }
 
-/// Where a motion starts: the sheet well inside the target.
-fn start(motion: Motion, height_m: f64, psi_deg: f64) -> Pose {
-    let x_m = match motion {
-        Motion::Surge => -0.20,
-        Motion::Yaw => 0.35,
-        _ => 0.2,
+/// Where a motion starts: the sheet well inside the target, its ψ_S 0 but in yaw.
+fn start(motion: Motion) -> Pose {
+    let (x_m, height_m, psi_deg) = match motion {
+        Motion::Surge => (-0.20, 0.83, 0.0),
+        Motion::Sway => (0.2, 0.83, 0.0),
+        Motion::Heave => (0.2, 0.93, 0.0),
+        Motion::Roll | Motion::Pitch => (0.2, 0.68, 0.0),
+        Motion::Yaw => (0.35, 0.83, -17.0),
     };
     Pose {
         x_m,
         z_m: -height_m,
-        psi_rad: psi_deg.to_radians(),
+        psi_rad: f64::to_radians(psi_deg),
         ..Pose::default()
     }
 }

@@ -186,7 +186,7 @@ fn by_the_list(tank: &Tank) -> (usize, Option<Diagnosis>) {
     (RUNS, None)
 }
 
-/// `TANKS=30 cargo test --release -p hydroline-benchmark --test until_decided -- --ignored --nocapture`
+/// `TANKS=30 cargo test --release -p hydroline-lab --test until_decided -- --ignored --nocapture`
 #[test]
 #[ignore = "a minute or two a tank"]
 fn runs_until_it_is_decided_against_a_fixed_list() {

@@ -19,7 +19,7 @@ fn ns(at_s: f64) -> u64 {
     (at_s * NS_PER_S) as u64
 }
 
-/// What one viewer has been sent, so that a pose and an event are sent once.
+/// Last pose and event that one viewer has been sent, so that each is sent once.
 #[derive(Debug, Default)]
 pub struct Sent {
     pose_s: f64,

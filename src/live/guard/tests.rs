@@ -321,7 +321,7 @@ proptest! {
     }
 }
 
-/// What a browser sends when a script of a site opens a WebSocket.
+/// Request of a browser when a script of a site opens a WebSocket.
 fn viewer(origin: &'static str, query: &'static str) -> Asked<'static> {
     Asked {
         origin: Header::Once(origin),

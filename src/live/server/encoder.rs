@@ -25,7 +25,7 @@ const QUALITY: u8 = 75;
 pub(super) struct Encoded {
     pub(super) number: u64,
     pub(super) bytes: Bytes,
-    /// What it was made of.
+    /// Picture that it was made of.
     pub(super) picture: Arc<Picture>,
     /// Where the image begins in the bytes.
     image_at: usize,
@@ -108,7 +108,7 @@ fn write_jpeg(grey: &GreyImage, out: &mut Vec<u8>) {
     }
 }
 
-/// How often an image of this width is halved.
+/// Number of times that an image of this width is halved.
 fn halvings(mut width_px: usize) -> u32 {
     let mut times = 0;
     while width_px > WIDTH_MAX_PX {

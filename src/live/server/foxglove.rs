@@ -21,7 +21,7 @@ use tokio_tungstenite::tungstenite::{Error, Message};
 
 /// Longest message of a viewer: subscriptions of some words each.
 const HEARD_MAX: usize = 64 << 10;
-/// What waits for a viewer before a write waits itself: one picture.
+/// Bytes that wait for a viewer before a write waits itself: one picture.
 const WAITS_MAX: usize = 2 << 20;
 
 /// Agrees on the protocol and lets the connection go on in it.

@@ -91,7 +91,7 @@ fn once<'a>(headers: &'a HeaderMap, name: &str) -> Header<'a> {
     }
 }
 
-/// What every answer carries: it is not kept, not guessed at, not framed, not read by other sites.
+/// Headers that every answer carries: it is not kept, not guessed at, not framed, not read by other sites.
 fn protect(headers: &mut HeaderMap) {
     for (name, value) in [
         ("cache-control", "no-store"),

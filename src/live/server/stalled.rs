@@ -27,7 +27,7 @@ impl<S> Stalled<S> {
         }
     }
 
-    /// What a write says, or that it has waited for too long.
+    /// Result of a write, or an error where it has waited for too long.
     fn within<T>(
         &mut self,
         cx: &mut Context<'_>,

@@ -96,7 +96,7 @@ fn read_frames(bencher: Bencher, zstd_level: u32) {
         });
 }
 
-/// What a producer pays per frame and per command: no more with a disk that is busy.
+/// Cost to a producer per frame and per command: no more with a disk that is busy.
 #[divan::bench(sample_count = 20, sample_size = 40)]
 fn push_a_frame(bencher: Bencher) {
     let dir = tempfile::tempdir().unwrap();

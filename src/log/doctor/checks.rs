@@ -18,7 +18,7 @@ pub(super) const BRACKET_NS: u64 = 50_000;
 /// At most that many findings of one check; the rest is counted.
 const LISTED: usize = 5;
 
-/// What has been seen so far.
+/// Findings and counts so far.
 #[derive(Debug, Default)]
 pub(super) struct Checks {
     pub(super) findings: Vec<Finding>,
@@ -41,7 +41,7 @@ pub(super) struct Checks {
     pub(super) wide_brackets: u64,
     pub(super) step_events: u64,
     pub(super) error_events: BTreeMap<String, u64>,
-    /// How grey levels come out of the frames.
+    /// Rule for the grey levels of the frames.
     pub(super) rule: GreyRule,
     pub(super) clipping: ClippingWatch,
     pub(super) warning_events: BTreeMap<String, u64>,
@@ -136,7 +136,6 @@ impl Checks {
         self.add(Grade::Error, "decode", Some(offset), message, next);
     }
 
-    /// Damaged bytes.
     pub fn damage(&mut self, offset: u64, damage: &Damage) {
         self.damaged = true;
         self.cut |= damage.is_missing_end();
@@ -149,7 +148,6 @@ impl Checks {
         self.add(Grade::Error, check, Some(offset), damage.to_string(), next);
     }
 
-    /// A decoded message.
     pub fn record(&mut self, offset: u64, record: &Record) {
         match record {
             Record::FrameInfo(info) => self.frame_info(offset, info),

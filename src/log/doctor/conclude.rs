@@ -1,4 +1,4 @@
-//! What only shows when the whole file is read: the ledger, the counts, the head.
+//! Checks that need the whole file: the ledger, the counts, the head.
 
 use super::checks::{BRACKET_NS, Checks};
 use super::{Finding, Grade};
@@ -21,7 +21,6 @@ pub(super) fn recovered_lost(summary: &MetadataMap) -> Option<u64> {
     Some(lost + number("frames.dropped.unknown").unwrap_or(0))
 }
 
-/// The sum of the numbers under `prefix`.
 fn sum(summary: &MetadataMap, prefix: &str) -> u64 {
     let values = summary.iter().filter(|(k, _)| k.starts_with(prefix));
     values
@@ -51,7 +50,7 @@ impl Checks {
         marked.max(stated)
     }
 
-    /// What only shows at the end.
+    /// All findings, with those of the checks that need the whole file.
     pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
         let ours = learnt.library.starts_with("hydroline") || learnt.metadata.contains_key("rig");
         self.log_times(ours);

@@ -1,4 +1,4 @@
-//! Where the messages of a log lie: by its summary, or by reading everything.
+//! Places of the messages of a log: by its summary, or by reading everything.
 //!
 //! A summary counts only if nothing that it does not name can hold messages: what lies between the chunks that it names
 //! is looked at, record by record.
@@ -23,20 +23,18 @@ const TAIL_BYTES: u64 = PREFIX_BYTES + 20 + 8;
 /// The checksum of the summary stands at the end of the footer, and is not of itself.
 const CRC_BYTES: usize = 4;
 
-/// What a summary, or reading everything, says of a log.
+/// Declarations, metadata and chunks of a log, by its summary or by reading everything.
 #[derive(Debug, Default)]
 pub(crate) struct Contents {
     pub declared: Declared,
     pub metadata: BTreeMap<String, MetadataMap>,
     pub places: Vec<Place>,
-    /// Messages of each channel.
     messages: BTreeMap<u16, u64>,
     /// Offset of the summary that says so; 0 = they were counted.
     pub stated_at: u64,
 }
 
 impl Contents {
-    /// Messages of a channel.
     pub fn messages_of(&self, channel: u16) -> u64 {
         self.messages.get(&channel).copied().unwrap_or(0)
     }
@@ -52,7 +50,6 @@ impl Contents {
     }
 }
 
-/// So many bytes from `offset` on.
 fn bytes_at(file: &File, offset: u64, len: u64) -> Result<Bytes, Damage> {
     if len > LIMIT_BYTES {
         return Err(Damage::TooLong { opcode: 0, len });
@@ -90,7 +87,7 @@ pub(super) fn record_of(file: &File, offset: u64, bytes: u64) -> Result<(u8, Byt
     }
 }
 
-/// What the message indexes behind a chunk say.
+/// Number of messages of each channel, by the message indexes behind a chunk.
 pub(super) fn indexed_messages(file: &File, place: &Place) -> Result<BTreeMap<u16, u64>, Damage> {
     let behind = place.offset.saturating_add(place.bytes.unwrap_or(0));
     let mut indexes = bytes_at(file, behind, place.index_bytes)?;
@@ -105,7 +102,7 @@ pub(super) fn indexed_messages(file: &File, place: &Place) -> Result<BTreeMap<u1
     Ok(messages)
 }
 
-/// What the summary says; `None` = there is none, or not of everything.
+/// Contents by the summary; `None` = there is none, or not of everything.
 pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
     let file_bytes = file.metadata().map_or(0, |m| m.len());
     let Some(footer_at) = file_bytes.checked_sub(TAIL_BYTES) else {

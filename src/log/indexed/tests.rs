@@ -104,14 +104,14 @@ fn number_at(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
 }
 
-/// Where the footer and the summary begin.
+/// Offsets of the footer and the summary.
 fn ends(bytes: &[u8]) -> (usize, usize) {
     // Magic, and a footer with its prefix.
     let footer = bytes.len() - 8 - 29;
     (footer, number_at(bytes, footer + 9) as usize)
 }
 
-/// Where the first record of an opcode stands, from the record at `from` on.
+/// Offset of the first record of an opcode, from the record at `from` on.
 fn record_from(bytes: &[u8], opcode: u8, from: usize) -> usize {
     let mut at = from;
     loop {

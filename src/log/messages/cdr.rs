@@ -5,9 +5,9 @@
 
 use bytes::Bytes;
 
-/// Why bytes are no such message.
+/// Reason why bytes are no such message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum CdrError {
     #[error("CDR begins with 00 00, 00 01, 00 06 or 00 07, this with {0:02x} {1:02x}")]
     Kind(u8, u8),

@@ -5,7 +5,7 @@
 
 use hydroline_rigs::{BayerDepth, BayerOrder, PixelFormat};
 
-/// What is read, for errors.
+/// Encodings that are read, for errors.
 pub(super) const READ: &str = "mono8, mono10, mono12, mono16, 8UC1, 8UC3, 8UC4, 16UC1, yuyv, yuv422_yuy2, uyvy, yuv422, nv12, \
      rgb8, bgr8, rgba8, bgra8, bayer_rggb8 to bayer_bggr16, jpeg and png";
 

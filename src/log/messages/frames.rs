@@ -18,20 +18,16 @@ pub enum ImageMessage {
     Compressed(CompressedImage),
 }
 
-/// Why an image message cannot become a frame.
+/// Reason why an image message cannot become a frame.
 #[derive(Debug, thiserror::Error, PartialEq)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ImageError {
-    /// An encoding we do not read.
     #[error("image encoding `{0}`; hydroline reads {READ}")]
     Encoding(String),
-    /// The compressed image's header does not decode.
     #[error("{format} image of {bytes} bytes does not decode: {reason}")]
     Decode {
-        /// Format as named in the message.
         format: String,
-        /// Size of the data.
         bytes: usize,
-        /// Decoder's words.
         reason: String,
     },
 }

@@ -78,7 +78,7 @@ fn bulk_is_apart(chunks: &[BTreeSet<String>]) {
     }
 }
 
-/// What a reader from start to end finds: commands by number, frames as negative ones.
+/// Commands and frames in the order in which a reader finds them: commands by number, frames as negative ones.
 fn order(bytes: Vec<u8>) -> Vec<i64> {
     let reader = LogReader::from_source(Path::new("m"), Cursor::new(bytes)).unwrap();
     let number = |record: Record| match record {

@@ -82,7 +82,6 @@ impl Fields {
     }
 }
 
-/// A schema record.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct SchemaRecord {
     pub id: u16,
@@ -91,7 +90,6 @@ pub(crate) struct SchemaRecord {
     pub data: Bytes,
 }
 
-/// A channel record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChannelRecord {
     pub id: u16,
@@ -101,7 +99,6 @@ pub(crate) struct ChannelRecord {
     pub metadata: MetadataMap,
 }
 
-/// A message record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct MessageRecord {
     pub channel_id: u16,
@@ -124,7 +121,6 @@ pub(crate) struct ChunkRecord {
     pub content_bytes: u64,
 }
 
-/// Counts of a statistics record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct StatisticsRecord {
     pub messages: u64,
@@ -232,17 +228,17 @@ pub(crate) fn footer_crc(body: &Bytes) -> Result<u32, Damage> {
     f.u32("summary crc")
 }
 
-/// Where the summary begins, 0 = there is none.
+/// Offset of the summary, 0 = there is none.
 pub(crate) fn footer_summary_start(body: &Bytes) -> Result<u64, Damage> {
     fields(op::FOOTER, body).u64("summary start")
 }
 
-/// What the summary says of a chunk.
+/// Index of a chunk in the summary.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChunkIndexRecord {
     pub chunk_offset: u64,
     pub chunk_bytes: u64,
-    /// Where the message index of each channel stands in the file: behind the chunk.
+    /// Offset of each channel's message index in the file: behind the chunk.
     pub message_indexes: BTreeMap<u16, u64>,
     /// Of all message indexes.
     pub message_index_bytes: u64,

@@ -17,14 +17,12 @@ const HEADER_BYTES: usize = PREFIX_BYTES as usize + 8 + 8 + 8 + 4 + 4 + 4 + 8;
 /// work without end.
 const EFFORT: u64 = 8;
 
-/// Looks for chunks in one file.
 pub(crate) struct ChunkFinder<R> {
     source: R,
     effort_bytes: u64,
 }
 
 impl<R: Read + Seek> ChunkFinder<R> {
-    /// In a source.
     pub fn new(mut source: R) -> io::Result<Self> {
         let bytes = source.seek(SeekFrom::End(0))?;
         Ok(Self {
@@ -82,7 +80,7 @@ impl<R: Read + Seek> ChunkFinder<R> {
     }
 }
 
-/// What looks like the head of a chunk.
+/// Bytes that may be the head of a chunk.
 struct Candidate {
     len: u64,
     uncompressed_bytes: u64,

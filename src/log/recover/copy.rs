@@ -42,7 +42,7 @@ pub(super) struct Copy {
     pub ledger: super::ledger::Ledger,
     pub messages: BTreeMap<String, u64>,
     pub total: u64,
-    /// What lies in the open chunk.
+    /// Company of the messages in the open chunk.
     pub company: Company,
 }
 

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use bytes::Bytes;
+use grey_frame::{T0_NS, grey_frame};
 use hydroline_core::frame::{Frame, FrameError, GreyRule, PixelFormat};
-use hydroline_core::synthetic::{T0_NS, grey_frame};
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_log::export::{ExportOptions, export};
 use hydroline_log::messages::{pb, timestamp};
@@ -13,6 +13,9 @@ use hydroline_log::{
     SummaryInput, WriteSettings, info,
 };
 use std::path::{Path, PathBuf};
+
+#[path = "../../../tests/support/grey_frame.rs"]
+mod grey_frame;
 
 /// A log of these frames.
 fn written(path: &Path, frames: &[Frame]) {

@@ -42,7 +42,7 @@ impl<'a, R: FnMut(&[f64], &mut [f64]) -> bool> Differences<'a, R> {
 
 impl<R: FnMut(&[f64], &mut [f64]) -> bool> LeastSquares<Dyn> for Differences<'_, R> {
     type Point = DVector<f64>;
-    /// Residuals.
+    /// Residuals at a point.
     type Evaluated = Vec<f64>;
     type Error = NotFinite;
 

@@ -185,7 +185,7 @@ fn units_do_not_matter_and_powers_of_two_not_to_the_last_bit() {
     }
 }
 
-/// What a problem that allocates nothing is at run time: the same numbers in dynamic matrices.
+/// A problem that allocates nothing, sized at run time: the same numbers in dynamic matrices.
 struct AtRunTime<P>(P);
 
 impl<P, const N: usize> LeastSquares<Dyn> for AtRunTime<(P, [(); N])>

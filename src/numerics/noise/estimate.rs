@@ -20,7 +20,7 @@ const JITTER: f64 = 1e-12;
 pub struct Series<'a> {
     /// Stamps \[s\].
     pub times_s: &'a [f64],
-    /// Residuals.
+    /// Residuals at the stamps; NaN = missing.
     pub values: &'a [f64],
     /// Their derivatives with respect to everything that was fitted (all columns of the problem).
     /// With them the likelihood is the restricted one (REML, Patterson and Thompson 1971): what the

@@ -13,7 +13,7 @@ pub struct Whiteness {
     pub p_value: f64,
     /// Correlation of neighbours.
     pub lag1: f64,
-    /// Samples.
+    /// Number of samples.
     pub count: usize,
 }
 
@@ -106,7 +106,7 @@ impl Correlogram {
     /// squared differences over their variances (Bartlett: (n - k) / (n (n + 2)) each for nearly white series),
     /// chi-square with as many degrees of freedom as lags.
     ///
-    /// What the filter leaves because its numbers are estimates, it leaves in both: it drops out of the
+    /// Correlation that the filter leaves because its numbers are estimates is the same in both: it drops out of the
     /// difference, where a test of one series against white noise would call it a misfit.
     pub fn against(&self, other: &Correlogram) -> Option<Whiteness> {
         let lags = self.correlations.len().min(other.correlations.len());

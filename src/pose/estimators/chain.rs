@@ -198,7 +198,7 @@ impl Chain {
     }
 }
 
-/// How far a place lies beyond a flank's ends \[m\].
+/// Distance of a place beyond a flank's ends \[m\].
 fn past(flank: &Flank, x: f64) -> f64 {
     (flank.from_m - x).max(x - flank.to_m).max(0.0)
 }

@@ -1,10 +1,10 @@
 //! The formulas against exact geometry: no image, no noise.
 
 use super::*;
+use crate::fixture::{hexagon_target, lshpi_rig};
 use crate::outline::Surfaces;
 use crate::segments::Step;
 use hydroline_calib::Pose;
-use hydroline_sim::fixture::{hexagon_target, lshpi_rig};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 

@@ -1,4 +1,4 @@
-//! What is known of a camera's response, and how well a frame determines it.
+//! Estimate of a camera's response, and how well a frame determines it.
 //!
 //! A frame alone determines it badly, and where it is free x, z and θ are known half as well again. It is the camera's and not the
 //! frame's: some frames at the start of a run are fitted with it open, their estimates are pooled
@@ -34,13 +34,12 @@ const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
 /// A camera's response g = b + 255 (L/255)^γ and the line's transverse profile, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraResponse {
-    /// What is held.
+    /// Mean of ln γ, b and the coefficients across the line.
     pub mean: OfRun,
     /// Of that.
     pub covariance: OfRun2,
 }
 
-/// Those of a state.
 pub(super) fn of_run(state: &State) -> OfRun {
     OfRun::from_fn(|k, _| match k {
         0 => state.tone,
@@ -94,7 +93,7 @@ const fn diagonal(values: [f64; OF_RUN]) -> OfRun2 {
 }
 
 impl CameraResponse {
-    /// What is not known of it; `None` where it is known for certain.
+    /// Covariance to be considered; `None` where the response is known for certain.
     pub(super) fn considered(&self) -> Option<&OfRun2> {
         (self.covariance != OfRun2::zeros()).then_some(&self.covariance)
     }
@@ -107,7 +106,7 @@ pub struct ResponseSeen {
     pub mean: OfRun,
     /// Information of the frame alone, all else free.
     pub information: OfRun2,
-    /// What it leaves across the line.
+    /// Residuals across the line that it leaves.
     pub line_residuals: LineResiduals,
 }
 

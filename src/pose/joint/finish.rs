@@ -24,7 +24,7 @@ const RESPONSE_CONVERGED: [f64; 2] = [0.02, 0.5];
 /// Where more of the columns than this are clipped at their peak, the flanks that are left are fitted by a Gaussian: what of the
 /// line they show follows from there.
 const CLIPPED_LINE: f64 = 0.3;
-/// How often pixels are chosen at most, where a pose leaves the room that they were chosen for.
+/// Most times that pixels are chosen, where a pose leaves the room that they were chosen for.
 const PLANS: usize = 4;
 /// The same where the camera's curve is sought too.
 const PLANS_OPEN: usize = 12;
@@ -33,7 +33,7 @@ const PLANS_OPEN: usize = 12;
 /// seventh at most, by which the estimate scatters a hundredth more. The edges' model error and the
 /// covariance are those of before that step.
 const CONVERGED: f64 = 9.0;
-/// What is only a start for the next fit, of other pixels, need not be better than these pixels determine it.
+/// The same for a state that only starts the next fit, of other pixels: it need not be better than these pixels determine it.
 const NEARLY: f64 = 100.0;
 const APPROACHED: f64 = 100.0;
 /// Where the noise is known well enough to go on with.
@@ -243,7 +243,7 @@ impl PoseFitter {
         None
     }
 
-    /// How often pixels are chosen anew, and the camera's curve is made straight, at most.
+    /// Most times that pixels are chosen anew, and the camera's curve is made straight.
     fn plans(&self) -> usize {
         match self.camera {
             Some(_) => PLANS,
@@ -251,7 +251,7 @@ impl PoseFitter {
         }
     }
 
-    /// How far the sheet's line on the floor has moved over the target between two poses, at most \[m\].
+    /// Largest shift of the sheet's line on the floor over the target between two poses \[m\].
     pub(super) fn shift_m(&self, a: &Pose, b: &Pose) -> f64 {
         // η of the floor, θ and φ small: η₀ = h_centre − (l sin θ − z).
         let eta_m =

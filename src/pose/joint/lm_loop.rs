@@ -15,7 +15,7 @@ use hydroline_numerics::least_squares::{
 use nalgebra::Const;
 use std::convert::Infallible;
 
-/// How a frame's fit steps.
+/// Options of a frame's fit.
 ///
 /// Starts are within millimetres and the model is nearly linear in [`WeakDirection`]'s coordinates, so the first step is an
 /// undamped one but for rounding (1e-9). A comparison of a frame is dear and few steps are rejected: where one is,
@@ -52,7 +52,7 @@ pub(super) enum Convergence {
 /// is kinks of the light at corners.
 const KINKS: f64 = 0.1;
 
-/// What light is linear in: a step of any length leaves nothing there. (Brightness multiplies what moves the line, by a hundredth.)
+/// Linear parameters: a step of any length leaves nothing there. (Brightness multiplies what moves the line, by a hundredth.)
 const LINEAR: [usize; 2 + UNEVEN] = {
     let mut linear = [BRIGHTNESS; 2 + UNEVEN];
     linear[1] = BACKGROUND;

@@ -1,6 +1,6 @@
 //! Geometry that is only nearly known, refined over the frames of a run.
 //!
-//! What all frames share: the sheet's tilt (x_b = l_laser + a z_b + b y_b) and its thickness; each
+//! All frames share the sheet's tilt (x_b = l_laser + a z_b + b y_b) and its thickness; each
 //! frame has its own pose, brightness and background. These are eliminated frame by frame (each is
 //! fitted anew under every geometry tried, so that its least cost is a function of the geometry
 //! alone), and the sum over the frames is brought to its minimum by Newton's method with central
@@ -15,8 +15,8 @@
 //! in the tank and how the floor slopes turn and shift all poses together and leave every image as it is.
 
 use super::super::photometric::{
-    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, Plan, RunParameters, State, Sums,
-    THICKNESS, Weighting,
+    Choice, EdgeModelError, PARAMETERS, Photometric, Picture, RunParameters, State, THICKNESS,
+    Weighting,
 };
 use super::super::sheet::SheetTable;
 use super::finish::CUT;
@@ -25,9 +25,9 @@ use super::{Hint, PoseFitter};
 use crate::initial;
 use hydroline_calib::Pose;
 use hydroline_core::frame::GreyImage;
+use hydroline_numerics::parallel;
 use hydroline_stripe::Profile;
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 mod applied;
@@ -39,9 +39,9 @@ pub const FRAMES_MIN: usize = 3;
 /// Differences by which a geometry is tried at first \[rad\], \[rad\], \[m\].
 const TRIED: [f64; 3] = [5e-4, 5e-4, 2e-6];
 const ITERATIONS: usize = 8;
-/// Squared Newton decrement, in sds, at which the fit of a frame ends: its cost is right to a thousandth.
-const FRAME_CONVERGED: f64 = 1e-3;
-const FRAME_ITERATIONS: usize = 12;
+/// Most iterations of the fit of a frame's own (pose, brightness and background), and the squared Newton decrement, in sds,
+/// at which it ends: its cost is right to a thousandth.
+const FRAME_LIMITS: (usize, Convergence) = (12, Convergence::All(1e-3));
 /// Half of the columns without edges; the poses move little.
 const COLUMNS: Choice = Choice {
     step: 1,
@@ -53,7 +53,7 @@ const CONVERGED_SD: f64 = 0.1;
 /// Tilt beyond which the sheet is not nearly where the rig says \[rad\] (6°).
 const TILT_MOST_RAD: f64 = 0.1;
 
-/// What is to be refined.
+/// Parts of the geometry to refine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wanted {
     /// The sheet's tilt, both ways.
@@ -75,7 +75,7 @@ impl Wanted {
     }
 }
 
-/// What the frames of a run share.
+/// Geometry of the sheet that the frames of a run share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     /// a of x_b = l_laser + tan a z_b + tan b y_b \[rad\].
@@ -89,7 +89,7 @@ pub struct Geometry {
 /// Refined geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refined {
-    /// What was wanted.
+    /// Parts that were to be refined.
     pub wanted: Wanted,
     /// As found; what was not wanted is as the rig has it.
     pub geometry: Geometry,
@@ -101,9 +101,9 @@ pub struct Refined {
     pub poses: Vec<Option<Pose>>,
 }
 
-/// Why nothing is refined.
+/// Failure to refine.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum RefineError {
     #[error("{frames} frames with a pose, at least {FRAMES_MIN} over the target are needed")]
     TooFew { frames: usize },
@@ -134,7 +134,7 @@ impl Geometry {
         Rotation3::rotation_between(&normal, &Vector3::x()).unwrap_or_else(Rotation3::identity)
     }
 
-    /// What pixels see of the tilted sheet, in that frame.
+    /// Table of the tilted sheet's points, in that frame.
     fn table(self, upright: &SheetTable) -> SheetTable {
         let normal_length =
             (1.0 + self.tilt_pitch_rad.tan().powi(2) + self.tilt_yaw_rad.tan().powi(2)).sqrt();
@@ -176,10 +176,9 @@ pub fn refine(
     wanted: Wanted,
 ) -> Result<Refined, RefineError> {
     let axes = wanted.axes();
-    let fits: Vec<Option<State>> = frames
-        .par_iter()
-        .map(|(image, profile, hint)| fitter.begun(image, profile, hint, wanted))
-        .collect();
+    let fits = parallel::map_slice(frames, |(image, profile, hint)| {
+        fitter.begun(image, profile, hint, wanted)
+    });
     let own = fits.into_iter().zip(frames).enumerate();
     let mut own: Vec<Own> = own
         .filter_map(|(index, (state, (_, _, hint)))| {
@@ -247,7 +246,7 @@ fn enough(own: &[Own]) -> Result<(), RefineError> {
     Ok(())
 }
 
-/// What was wanted and what was found.
+/// Parts that were to be refined, and the geometry found.
 struct Found {
     wanted: Wanted,
     geometry: Geometry,
@@ -306,20 +305,14 @@ fn newton(
         (by[i], by[j]) = (1.0, 1.0);
         places.push(by);
     }
-    let tried: Vec<(Geometry, Photometric)> = places
-        .par_iter()
-        .map(|by| {
-            let here = geometry.moved(std::array::from_fn(|i| by[i] * sizes[i]));
-            (here, fitter.tilted(here))
-        })
-        .collect();
-    let costs: Vec<Option<Vec<f64>>> = own
-        .par_iter_mut()
-        .map(|own| {
-            let (image, profile, _) = frames.get(own.index)?;
-            fitter.costs(image, profile, own, &tried)
-        })
-        .collect();
+    let tried = parallel::map_slice(&places, |by| {
+        let here = geometry.moved(std::array::from_fn(|i| by[i] * sizes[i]));
+        (here, fitter.tilted(here))
+    });
+    let costs = parallel::map_owned(own.iter_mut().collect(), |own: &mut Own| {
+        let (image, profile, _) = frames.get(own.index)?;
+        fitter.costs(image, profile, own, &tried)
+    });
     let mut sums = vec![0.0; places.len()];
     let mut kept = costs.iter();
     own.retain(|_| kept.next().is_some_and(Option::is_some));
@@ -388,7 +381,6 @@ impl PoseFitter {
         let plan = self.model.plan(&start, COLUMNS);
         let huber = self.first_weighting(picture, profile);
         let none = &mut EdgeModelError::default();
-        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
         let converged = self.converge(
             &self.model,
             &plan,
@@ -397,7 +389,7 @@ impl PoseFitter {
             &free,
             &huber,
             none,
-            limits,
+            FRAME_LIMITS,
         )?;
         Some(converged.0)
     }
@@ -440,7 +432,16 @@ impl PoseFitter {
         let huber = self.first_weighting(picture, profile);
         let none = &mut EdgeModelError::default();
         let free = &own.free;
-        let (near, seen) = self.frame(model, &plan, picture, start, free, &huber, none)?;
+        let (near, seen) = self.converge(
+            model,
+            &plan,
+            picture,
+            start,
+            free,
+            &huber,
+            none,
+            FRAME_LIMITS,
+        )?;
         let weighting = Weighting {
             noise_sd: lit_noise(&seen).unwrap_or(huber.noise_sd).max(0.3),
             cut: CUT,
@@ -448,7 +449,7 @@ impl PoseFitter {
             ..huber
         };
         let mut model_error = EdgeModelError::found_apart(&seen.edges, weighting.noise_sd);
-        let (state, first) = self.frame(
+        let (state, first) = self.converge(
             model,
             &plan,
             picture,
@@ -456,6 +457,7 @@ impl PoseFitter {
             free,
             &weighting,
             &mut model_error,
+            FRAME_LIMITS,
         )?;
         own.state = State {
             pose: rotated(&state.pose, &here.turn()),
@@ -464,7 +466,7 @@ impl PoseFitter {
         let mut costs = vec![first.cost];
         for (geometry, model) in tried.iter().skip(1) {
             let start = at(&own.state, geometry);
-            let (_, sums) = self.frame(
+            let (_, sums) = self.converge(
                 model,
                 &plan,
                 picture,
@@ -472,38 +474,14 @@ impl PoseFitter {
                 free,
                 &weighting,
                 &mut model_error,
+                FRAME_LIMITS,
             )?;
             costs.push(sums.cost);
         }
         Some(costs)
     }
 
-    /// Fits what is a frame's own: pose (but what of it is held), brightness and background.
-    #[allow(clippy::too_many_arguments)]
-    fn frame(
-        &self,
-        model: &Photometric,
-        plan: &Plan,
-        picture: &Picture<'_>,
-        start: State,
-        free: &[bool; PARAMETERS],
-        weighting: &Weighting,
-        model_error: &mut EdgeModelError,
-    ) -> Option<(State, Sums)> {
-        let limits = (FRAME_ITERATIONS, Convergence::All(FRAME_CONVERGED));
-        self.converge(
-            model,
-            plan,
-            picture,
-            start,
-            free,
-            weighting,
-            model_error,
-            limits,
-        )
-    }
-
-    /// What of a frame over its target is free under a hint.
+    /// Whether each parameter of a frame over its target is free under a hint.
     fn free_of(&self, hint: &Hint) -> [bool; PARAMETERS] {
         let theta = hint.held.theta_rad.is_none();
         self.free([true, true, true, true, theta, true], hint)

@@ -6,32 +6,26 @@ use super::{LightSeen, Matrix7, ResponseSeen};
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
 
-/// Why a number is missing or larger in its sd than usual.
+/// Reason why a number is missing, or its sd larger than usual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PoseCaveat {
-    /// About the stripe.
     #[error(transparent)]
     Stripe(#[from] Caveat),
-    /// No target in sight: x, y, ψ are not measured, θ is taken as zero (or as held) and z hangs on it.
     #[error(
         "a bare floor shows z and roll only: x, y and yaw are not measured, z holds for the pitch assumed"
     )]
     BareFloor,
-    /// θ taken as known.
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
-    /// The target repeats itself and no hint states which repetition.
     #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
     WhichHexagon,
-    /// Two different poses explain the frame about equally well.
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
-    /// Many pixels were set aside.
     #[error(
         "many pixels do not fit and were set aside: particles, haze, or a target that is not the rig's"
     )]
     Misfit,
-    /// Edges leave more of the light that they cut than edges in their place do.
     #[error(
         "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, or light that the model does not know"
     )]
@@ -50,7 +44,7 @@ pub struct JointPose {
     pub covariance_with_thickness: Matrix7,
     /// Sd of θ \[rad\] with the camera's response taken as it is held: from the frame's own pixels alone.
     pub theta_sd_alone_rad: f64,
-    /// Which of x, y, z, φ, θ, ψ the frame determines.
+    /// Whether the frame determines each of x, y, z, φ, θ, ψ.
     pub measured: [bool; 6],
     /// Sheet's thickness as fitted \[m\].
     pub thickness_m: f64,
@@ -68,7 +62,7 @@ pub struct JointPose {
     pub response: Option<ResponseSeen>,
     /// Coefficients of uneven light as fitted: of the brightness as a share of it, of the background \[grey levels\].
     pub uneven: [f64; UNEVEN],
-    /// What light and camera look like.
+    /// Light and camera as the fit found them.
     pub light: LightSeen,
     /// Pixel noise as found \[grey levels\].
     pub noise_sd: f64,
@@ -78,7 +72,7 @@ pub struct JointPose {
     pub edge_model_error: f64,
     /// Pixels compared.
     pub pixels: usize,
-    /// What to mind.
+    /// Reservations about the pose.
     pub caveats: Vec<PoseCaveat>,
 }
 
@@ -112,15 +106,14 @@ impl JointPose {
     }
 }
 
-/// Why a frame gives no pose.
+/// Reason why a frame gives no pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PoseFault {
     #[error("no stripe: {0}")]
     NoStripe(String),
     #[error(transparent)]
     Segments(#[from] SegmentError),
-    /// The image is not the map's.
     #[error(
         "image is {got_px:?}, the calibration holds for {wanted_px:?}: use the camera's own calibration"
     )]
@@ -130,17 +123,14 @@ pub enum PoseFault {
         /// Of the map \[px\].
         wanted_px: (usize, usize),
     },
-    /// Steps were seen, but not so that they lie on the target.
     #[error(
         "{steps} steps of the stripe lie nowhere on the target: is it the rig's target, and does it lie where the rig says?"
     )]
     Nowhere { steps: usize },
-    /// A flat line that may lie on the floor, or on one of the target's upper faces.
     #[error(
         "a flat line of {line_m:.2} m without an edge: floor, or one of the target's upper faces, on which up to {face_m:.2} m may lie; z is not known"
     )]
     FloorOrFace {
-        /// Its length \[m\].
         line_m: f64,
         /// Longest line on an upper face \[m\].
         face_m: f64,
@@ -148,23 +138,12 @@ pub enum PoseFault {
     #[error(
         "the steps fit the target only {away_m:.3} m or more from where the vehicle is known to be ({hint_m:.3} m)"
     )]
-    FarFromHint {
-        /// Nearest place, distance from the hint \[m\].
-        away_m: f64,
-        /// The hint \[m\].
-        hint_m: f64,
-    },
-    /// The fit does not explain the frame.
+    FarFromHint { away_m: f64, hint_m: f64 },
     #[error(
         "the best pose leaves {chi:.1} times the noise in the pixels: {}",
         glare(light)
     )]
-    Unexplained {
-        /// Residual over noise, rms.
-        chi: f64,
-        light: LightSeen,
-    },
-    /// The fit did not converge.
+    Unexplained { chi: f64, light: LightSeen },
     #[error("the fit of the pose did not converge")]
     NotConverged,
 }

@@ -1,4 +1,4 @@
-//! What light and camera of a frame look like, in words for a person whose frame has no pose.
+//! Light and camera of a frame in words, for a person whose frame has no pose.
 
 use super::super::photometric::{Picture, State, line_range};
 use std::fmt;
@@ -45,7 +45,7 @@ impl LightSeen {
 }
 
 impl fmt::Display for LightSeen {
-    /// What is worth a word, each with what to do about it; nothing where nothing is.
+    /// Lists all that is worth a word, each with its remedy; nothing where nothing is.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (clipped, level) = self.clipped;
         let words = [

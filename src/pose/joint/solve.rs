@@ -112,7 +112,7 @@ pub(super) fn response_seen(
     })
 }
 
-/// What the uncertainty of considered parameters adds to a covariance: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
+/// Covariance that uncertain considered parameters add: G Σ Gᵀ with G = −P J, P that of what is free, J the information of
 /// what is free by what is held (Schmidt's consider parameters).
 fn considered_covariance(inverse: &Square, sized: &Square, considered: &OfRun2) -> Square {
     let of_run = OfRun::from_fn(|k, _| 1.0 / SIZES[TONE + k]);

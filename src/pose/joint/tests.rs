@@ -1,8 +1,8 @@
 //! Rendered frames through extraction and fit.
 
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_calib::{IdealMap, Pose};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig};
 

@@ -10,7 +10,7 @@
 //! then off by many of its sds, so that there are eight. The cₙ are the laser's, the same in all frames
 //! of a run. Where an edge cuts the line inside one point spread the tilt of what is left of it is the Gaussian's.
 
-/// Terms.
+/// Number of terms.
 pub(crate) const ACROSS: usize = 8;
 /// Order of the first.
 const FIRST: usize = 3;
@@ -101,7 +101,7 @@ pub(super) struct Faded {
 /// At one place across the line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct At {
-    /// q.
+    /// q, the factor of the Gaussian.
     pub light: f64,
     /// dq/ds \[1/m\].
     pub slope: f64,

@@ -18,12 +18,12 @@ const EXCESS_MOST: f64 = 0.15;
 /// is that of an edge that lies off by a hundredth of a pixel.
 const MODEL_ERROR_RANGE: [f64; 2] = [0.005, 0.1];
 
-/// What an edge cuts of a pixel's light.
+/// Light of a pixel that an edge cuts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EdgeLight {
     /// All of a pixel's light where it is cut in half \[grey levels\].
     pub light: f64,
-    /// What more light there would be if all blur were formed on the pixel grid \[grey levels\].
+    /// Derivative of the light by the share of blur that is formed on the pixel grid \[grey levels\].
     pub by_grid: f64,
 }
 
@@ -41,7 +41,7 @@ pub(super) struct EdgeName {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct EdgeModelError {
     /// `None`: not estimated yet.
-    edges: Option<Vec<(EdgeName, f64)>>,
+    pub(super) edges: Option<Vec<(EdgeName, f64)>>,
     /// Of each pixel that an edge may cut, in their order \[grey levels\]: found at the first
     /// state compared and held fixed after that: otherwise the fit could lower its cost by raising the model error.
     pub(super) of_pixels: Vec<f32>,
@@ -79,21 +79,6 @@ impl EdgeModelError {
             ),
             of_pixels: Vec::new(),
             grid_share,
-        }
-    }
-
-    /// All edges alike.
-    #[cfg(test)]
-    pub fn alike(sums: &EdgesSeen, model_error_sd: f64) -> EdgeModelError {
-        EdgeModelError {
-            edges: Some(
-                sums.edges
-                    .iter()
-                    .map(|e| (e.name, model_error_sd))
-                    .collect(),
-            ),
-            of_pixels: Vec::new(),
-            grid_share: sums.grid_share,
         }
     }
 
@@ -151,7 +136,7 @@ fn all(edges: &[EdgeSums]) -> EdgeSums {
     all
 }
 
-/// What the pixels of an edge add up to.
+/// Sums over the pixels of an edge.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EdgeSums {
     pub name: EdgeName,
@@ -176,7 +161,7 @@ impl EdgeSums {
         }
     }
 
-    /// What comes next is of another column.
+    /// Begins another column.
     pub fn next_column(&mut self) {
         self.before = [None; 2];
     }

@@ -116,7 +116,7 @@ pub(super) fn lit(u: [f64; 2], first: &Stripe, last: &Stripe) -> [f64; 2] {
     }
 }
 
-/// What cuts a strip.
+/// Cut of a strip by its own outline or by a higher slab.
 struct Cut<'a> {
     own: bool,
     /// At the level's own height, and for a higher slab also at its upper face's.
@@ -156,7 +156,7 @@ struct Node {
 /// Most cuts of a strip.
 pub(super) const CUTS_MOST: usize = 4;
 
-/// What strips are compared with: the pose, what cuts them, their pixels, the light there, whether derivatives are wanted, and the
+/// Arguments of a comparison of strips: pose, plan, strips, pixels, light, whether derivatives are wanted, and the
 /// share of the blur that is formed on the pixel grid.
 type Compared<'a> = (
     &'a PoseGeometry,
@@ -430,7 +430,6 @@ impl Photometric {
         })
     }
 
-    /// The stripe about a hit.
     pub(super) fn stripe(&self, hit: &Hit, state: &State) -> Stripe {
         let lever = self.table.lever_m;
         let s_slope = hit.t_slope.map(|t| lever * t);
@@ -500,7 +499,6 @@ impl Edge<'_> {
 }
 
 impl Border<'_> {
-    /// Share inside.
     fn inside(&self, u: f64, shading: &Shading) -> Visible<'_> {
         let Shading { tables, grid_share } = *shading;
         let h = self.first.distance(u);

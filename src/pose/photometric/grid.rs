@@ -1,9 +1,9 @@
 //! Blur that is formed on the pixel grid.
 //!
-//! What lens and water spread is smooth, and then each pixel takes its box of it: a Gaussian of variance
-//! b² + 1/12 to a thousandth of the light. What demosaicing, scaling, noise filters of the camera
-//! (or of a renderer) spread is spread from pixel to pixel AFTER the box: the same variance (for blurs of half a pixel and more), but the response
-//! to an edge is a sum of boxes at whole pixels,
+//! Blur by lens and water is smooth, and then each pixel takes its box of it: a Gaussian of variance
+//! b² + 1/12 to a thousandth of the light. Blur by demosaicing, scaling, noise filters of the camera
+//! (or of a renderer) spreads from pixel to pixel AFTER the box: the same variance (for blurs of half a pixel and more), but
+//! the response to an edge is a sum of boxes at whole pixels,
 //!
 //! E(d, α) = Σ_kl g_k g_l B(d − k cos α − l sin α),  B the edge response of the pixel's box along α,
 //!

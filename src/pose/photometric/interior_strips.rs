@@ -15,11 +15,20 @@ use crate::normal::Tables;
 /// Of a strip's pixels: d light/ds, the same times the row, brightness, thickness, background.
 const FRAME: usize = 5;
 
-/// What is straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
+/// Quantities that are straight over a strip, at one of its ends: S², 1/S, ds/d(z, φ, θ).
 struct End {
     total2: f64,
     inverse: f64,
     ds: [f64; 3],
+}
+
+/// A strip that no edge cuts, with what it is compared with.
+pub(super) struct InteriorStrip<'a> {
+    pub geometry: &'a PoseGeometry,
+    pub strip: &'a Strip,
+    pub pixels: &'a [u8],
+    pub state: &'a State,
+    pub derivatives: bool,
 }
 
 impl Photometric {
@@ -41,16 +50,7 @@ impl Photometric {
     }
 
     /// Adds a strip that no edge cuts to the sums.
-    pub(super) fn compare_interior(
-        &self,
-        geometry: &PoseGeometry,
-        strip: &Strip,
-        pixels: &[u8],
-        state: &State,
-        derivatives: bool,
-        counter: &mut Counter<'_>,
-    ) {
-        let all = (geometry, strip, pixels, state, derivatives);
+    pub(super) fn compare_interior(&self, all: InteriorStrip<'_>, counter: &mut Counter<'_>) {
         match counter.run_parameters() {
             RunParameters::Known => self.compare_interior_by::<FRAME, FRAME>(all, counter),
             RunParameters::Considered => {
@@ -66,9 +66,16 @@ impl Photometric {
     #[inline]
     fn compare_interior_by<const N: usize, const OWN: usize>(
         &self,
-        (geometry, strip, pixels, state, derivatives): (&PoseGeometry, &Strip, &[u8], &State, bool),
+        all: InteriorStrip<'_>,
         counter: &mut Counter<'_>,
     ) {
+        let InteriorStrip {
+            geometry,
+            strip,
+            pixels,
+            state,
+            derivatives,
+        } = all;
         let Some([first, last]) =
             self.table
                 .sound_rows(strip.column, strip.first_row, strip.end_row)

@@ -21,7 +21,7 @@ pub(super) const GAINS: usize = 6;
 pub(super) const AMBIENTS: usize = 4;
 /// All of them.
 pub const UNEVEN: usize = GAINS + AMBIENTS;
-/// What makes light uneven.
+/// Coefficients of uneven light: of the brightness, then of the background.
 pub type Uneven = [f64; UNEVEN];
 
 /// One of v, as a share of the image's height.

@@ -30,7 +30,7 @@ const DARK_LEAST: f64 = 20.0;
 /// Side of a block \[px\], and fewest of its pixels away from the stripe from which its level is taken.
 const BLOCK_PX: usize = 24;
 const BLOCK_LEAST: f64 = 200.0;
-/// What blocks and what lies between them, and rows that do not differ by more than their noise, leave \[grey levels\].
+/// Sd left by blocks and what lies between them, and by rows that do not differ by more than their noise \[grey levels\].
 const BLOCKS_SD: f64 = 0.2;
 /// Sd of the mean about a median, in those of a mean.
 const MEDIAN_SDS: f64 = 1.1;
@@ -54,33 +54,17 @@ pub(crate) struct Picture<'a> {
 /// By how much dark pixels differ from their median \[grey levels\].
 #[derive(Debug, Clone)]
 pub(crate) struct Uneven {
-    /// What it differs from: the median of the dark \[as the levels\].
+    /// Level that they differ from: the median of the dark \[as the levels\].
     pub dark: f64,
     /// Of each row: light that flickers, and its sd.
     pub rows: Rows,
     /// Of blocks of pixels, by rows: lamps and what they light.
-    blocks: Vec<f64>,
-    across: usize,
-    /// Of the blocks.
-    blocks_sd: f64,
+    pub(super) blocks: Vec<f64>,
+    pub(super) across: usize,
+    pub(super) blocks_sd: f64,
 }
 
 impl Uneven {
-    /// Rows that differ from the dark and are known.
-    #[cfg(test)]
-    pub fn of_rows(dark: f64, level: Vec<f64>) -> Self {
-        Uneven {
-            dark,
-            rows: Rows {
-                sd: vec![0.0; level.len()],
-                level,
-            },
-            blocks: Vec::new(),
-            across: 0,
-            blocks_sd: 0.0,
-        }
-    }
-
     /// Sd of a row's level where blocks and rows are separated \[as the levels\].
     pub fn sd(&self, row: usize) -> f64 {
         let rows = self.rows.sd.get(row).copied().unwrap_or(0.0);
@@ -176,7 +160,7 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// Which pixels are away from the stripe.
+/// Pixels away from the stripe.
 struct Away {
     dark: f64,
     noise_sd: f64,
@@ -258,7 +242,7 @@ impl Away {
         }
         let across = image.width_px.div_ceil(BLOCK_PX);
         let blocks = lamps.map(|(smooth, seen, across, counts)| {
-            // What of the lamps is no polynomial.
+            // Part of the lamps' light that is no polynomial.
             let left = |(s, l): (&Option<f64>, &f64)| Some((*s)? - l);
             let left: Vec<Option<f64>> = seen.iter().zip(&smooth).map(left).collect();
             if lit(&left, &counts) {

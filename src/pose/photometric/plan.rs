@@ -1,4 +1,4 @@
-//! Which pixels a frame is judged by, and which edges can cut their light.
+//! Pixels that a frame is judged by, and edges that can cut their light.
 
 use super::edge_model_error::EdgeName;
 use super::edge_strips::CUTS_MOST;
@@ -41,7 +41,7 @@ pub(super) struct Strip {
     pub end_row: usize,
     /// Index of the upper face; the number of upper faces = floor.
     pub level: usize,
-    /// What cuts the level here, in [`Plan::cuts`]; empty = nothing.
+    /// Range in [`Plan::cuts`] of those that cut the level here; empty = nothing does.
     pub cuts: (u32, u32),
     /// The next strip covers the same pixels: their light adds up.
     pub shares: bool,
@@ -64,7 +64,7 @@ pub(super) struct Cut {
     pub upright: bool,
 }
 
-/// Which pixels a frame is judged by.
+/// Pixels that a frame is judged by.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Plan {
     pub(super) strips: Vec<Strip>,
@@ -109,7 +109,7 @@ impl Plan {
         }
     }
 
-    /// What cuts a strip.
+    /// Cuts of a strip.
     pub(super) fn cuts(&self, strip: &Strip) -> &[Cut] {
         &self.cuts[strip.cuts.0 as usize..strip.cuts.1 as usize]
     }
@@ -130,7 +130,7 @@ impl Plan {
     }
 }
 
-/// Which columns a plan takes, and how far the pose may still move.
+/// Columns that a plan takes, and room for the pose to move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Choice {
     /// Every so many columns.
@@ -150,7 +150,7 @@ impl Choice {
     };
 }
 
-/// What was found of a level in a column before: it holds until the line has gone `slack_m` on.
+/// Place and light of a level in a column before: they hold until the line has gone `slack_m` on.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     row: f64,
@@ -359,7 +359,7 @@ impl Photometric {
         }
     }
 
-    /// What may cut the light of a level, and whether that is single edges only; `None`: it is
+    /// Cuts that the light of a level may have, and whether they are single edges only; `None`: it is
     /// surely dark there. `slack_m` is lowered to how far the line may go before an edge comes near.
     fn cuts(
         &self,
@@ -500,7 +500,7 @@ impl Photometric {
     }
 }
 
-/// What a plan is made for.
+/// State that a plan is made for, with the edges in reach.
 struct Setting<'a> {
     geometry: &'a PoseGeometry,
     state: &'a State,

@@ -84,7 +84,6 @@ impl PoseGeometry {
         geometry
     }
 
-    /// The `edge`-th edge of an upper face.
     pub fn edge(&self, face: usize, edge: usize) -> &EdgeGeometry {
         &self.edges[self.first[face] + edge]
     }
@@ -115,7 +114,6 @@ pub(super) struct Hit {
 }
 
 impl Photometric {
-    /// Where a ray meets a height.
     pub(super) fn hit(&self, geometry: &PoseGeometry, ray: &Ray, height_m: f64) -> Option<Hit> {
         let r3 = &geometry.r[2];
         let d = &ray.sight;

@@ -22,7 +22,7 @@ pub(crate) struct Response {
     /// b₀ \[grey levels\].
     pub black: f64,
     light: [f32; 256],
-    /// Of each level of light, what ln γ and b move it by.
+    /// Shift of each level of light per unit of ln γ and b.
     moved_by: [[f32; 2]; 256],
     /// 1 − γ₀.
     one_minus_gamma: f64,
@@ -71,7 +71,7 @@ impl Response {
         response
     }
 
-    /// What ln γ and b move a level of light by, to the nearest whole level: enough for considered parameters.
+    /// Shift of a level of light per unit of ln γ and b, to the nearest whole level: enough for considered parameters.
     #[inline]
     pub fn moved_by(&self, light: f64) -> [f64; 2] {
         // Casts saturate: what is darker than none counts as none.
@@ -79,7 +79,6 @@ impl Response {
         self.moved_by[usize::from(level)].map(f64::from)
     }
 
-    /// The light of a grey level.
     #[inline]
     pub fn light(&self, grey: u8) -> f64 {
         f64::from(self.light[usize::from(grey)])
@@ -92,12 +91,12 @@ impl Response {
         at(below) + (grey - below) * (at(below + 1.0) - at(below))
     }
 
-    /// How much light a grey level more is, about a level of light.
+    /// Light per grey level, about a level of light.
     pub fn light_per_grey(&self, light: f64) -> f64 {
         light_per_grey(self.tone, light)
     }
 
-    /// What a black level that is one grey level higher takes of a level of light, from ln(L/255).
+    /// Light that a black level one grey level higher takes from a level of light, given its ln(L/255).
     #[inline]
     pub fn by_black(&self, ln_share: f64) -> f64 {
         if self.tone == 0.0 {
@@ -109,7 +108,7 @@ impl Response {
     }
 }
 
-/// How much light a grey level more is under a curve of this ln γ, about a level of light.
+/// Light per grey level under a curve of this ln γ, about a level of light.
 pub(crate) fn light_per_grey(tone: f64, light: f64) -> f64 {
     let share = (light / FULL).clamp(SHARE_LEAST, 4.0);
     ((-tone).exp()) * share.powf(1.0 - tone.exp())
@@ -130,7 +129,7 @@ static TONE_TABLE: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
         .collect()
 });
 
-/// What is left of the curve, kept ready.
+/// Table of the rest of the curve.
 #[derive(Clone, Copy)]
 pub(super) struct ToneTable(&'static [[f64; 2]]);
 

@@ -1,4 +1,4 @@
-//! What a comparison adds up, and how a residual counts.
+//! Sums over the pixels of a comparison, and the weight of a residual.
 
 use super::across::{ACROSS, LineResiduals};
 pub(super) use super::edge_model_error::EdgeLight;
@@ -21,7 +21,7 @@ const CLIPPED: f64 = 0.1;
 /// Light above this share of the line's brightness counts as lit.
 const LIT: f64 = 0.15;
 
-/// What moves light that no edge cuts: x, y and ψ move edges only.
+/// Parameters that move light which no edge cuts: x, y and ψ move edges only.
 pub(super) const INTERIOR: [usize; 8 + ACROSS] = {
     let mut interior = [0; 8 + ACROSS];
     [interior[0], interior[1], interior[2]] = [2, 3, 4];
@@ -40,7 +40,6 @@ pub(super) const INTERIOR: [usize; 8 + ACROSS] = {
 pub(crate) struct Tally {
     /// Σ ρ(r / noise).
     cost: f64,
-    /// Pixels.
     pub pixels: usize,
     /// Squared residuals of lit pixels away from edges, robustly cut, and their number.
     pub bright_square: f64,
@@ -48,7 +47,6 @@ pub(crate) struct Tally {
     /// Weights of lit and edge pixels, and what their weighted residuals change by per residual.
     pub weights: f64,
     pub slopes: f64,
-    /// Number of edge pixels.
     pub edge_count: usize,
     /// Pixels whose weight is below one half.
     pub rejected: usize,
@@ -64,13 +62,12 @@ pub(crate) struct Sums {
     /// Σ ρ(r / noise).
     pub cost: f64,
     pub tally: Tally,
-    /// The edges met.
     pub edges: EdgesSeen,
     /// Where the run's parameters are estimated: residuals across the line.
     pub line_residuals: LineResiduals,
 }
 
-/// How residuals count.
+/// Rule by which residuals are weighed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Weighting {
     /// Pixel noise \[grey levels\].
@@ -89,19 +86,19 @@ pub(crate) struct Weighting {
 /// columns, of those that no edge cuts, and of those that one cuts.
 const CONSIDERED_EVERY: [usize; 2] = [8, 2];
 
-/// How a comparison treats the run's parameters, the camera's response and the line's transverse profile: derivatives by them.
+/// Treatment of the run's parameters, the camera's response and the line's transverse profile: derivatives by them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RunParameters {
     /// Held: none.
     Known,
     /// As consider parameters: the products of its derivatives with others, none with each other.
     Considered,
-    /// All.
+    /// All of them are estimated.
     Estimated,
 }
 
 impl RunParameters {
-    /// How many of a pixel's derivatives there are.
+    /// Number of a pixel's derivatives.
     fn used(&self) -> usize {
         match self {
             RunParameters::Known => TONE,
@@ -150,11 +147,10 @@ impl Weighting {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Background {
     level: f64,
-    /// What ln γ and b move of it that was measured through the same curve.
+    /// Shift, per unit of ln γ and b, of its part that was measured through the same curve.
     measured: [f64; 2],
 }
 
-/// A pixel judged.
 pub(super) struct Judged {
     pub residual: f64,
     /// Weight over variance.
@@ -169,7 +165,7 @@ pub(super) struct Judged {
 /// Adds pixels up.
 pub(super) struct Counter<'a> {
     weighting: &'a Weighting,
-    /// How many of a pixel's derivatives there are.
+    /// Number of a pixel's derivatives.
     used: usize,
     /// Derivatives taken in the columns at hand, and for how many columns these stand.
     run_parameters: RunParameters,
@@ -179,7 +175,7 @@ pub(super) struct Counter<'a> {
     tables: &'static Tables,
     tone_table: ToneTable,
     bright: f64,
-    /// What of the camera's curve is not yet in its response.
+    /// Part of the camera's curve that is not yet in its response.
     tone: f64,
     black: f64,
     /// Light of grey level 0, below which all is cut off, and of the ceiling.
@@ -201,7 +197,7 @@ pub(super) struct Counter<'a> {
     pub information: [[f64; LOCAL]; LOCAL],
     pub gradient: [f64; LOCAL],
     edges: Vec<EdgeSums>,
-    /// What the background has beyond what is fitted of it.
+    /// Background beyond what is fitted of it.
     pub uneven: Option<Uneven>,
     /// Of that, in the strip at hand: its first row, what blocks have there, and what they gain per row.
     along: (usize, f64, f64),
@@ -247,7 +243,7 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// Which derivatives by the run's parameters are taken in the columns at hand.
+    /// Derivatives by the run's parameters that are taken in the columns at hand.
     pub fn run_parameters(&self) -> RunParameters {
         self.run_parameters
     }
@@ -273,7 +269,7 @@ impl<'a> Counter<'a> {
         j[TONE..].copy_from_slice(&self.by_run(by_camera, &by_line));
     }
 
-    /// What comes next are the pixels of these strips, which an edge cuts or none.
+    /// Begins the pixels of these strips, which an edge cuts or none.
     pub fn strips(&mut self, strips: &[Strip], cut: bool) {
         if self.weighting.run_parameters == RunParameters::Considered {
             let (met, every) = (
@@ -301,7 +297,7 @@ impl<'a> Counter<'a> {
 
     /// Background of a row of the strips at hand, of which so much is fitted.
     ///
-    /// What is uneven of it is known in grey levels of the dark, and is light of the curve that these were seen through.
+    /// Its uneven part is known in grey levels of the dark, and is light of the curve that these were seen through.
     /// Where that is considered or estimated, another curve makes other light of them: with it held, a light that flickers would
     /// look like a curve.
     #[inline]
@@ -340,7 +336,7 @@ impl<'a> Counter<'a> {
         rows + by + per_row * (row as f64 - first as f64)
     }
 
-    /// What comes next lies in this cell.
+    /// Begins the pixels of this cell.
     pub fn enter(&mut self, cell: &Cell) {
         if self.cell.as_ref().is_some_and(|c| c.is(cell)) {
             return;
@@ -386,7 +382,7 @@ impl<'a> Counter<'a> {
         self.sums.cost -= 0.5 * pull * pull / own;
     }
 
-    /// What comes next is cut by this edge.
+    /// Begins the pixels of a column that this edge cuts.
     pub fn at_edge(&mut self, name: EdgeName) {
         self.edge = self
             .edges

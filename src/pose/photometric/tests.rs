@@ -4,8 +4,8 @@ use super::plan::groups;
 use super::pose_geometry::PoseGeometry;
 use super::sums::INTERIOR;
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_calib::IdealMap;
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
 
 fn model() -> Photometric {
@@ -333,8 +333,12 @@ fn strips_that_single_edges_cut_add_up_to_what_their_pixels_do() {
                 model.compare(plan, picture, &at, &weighting, model_error, derivatives)
             };
             let seen = compare(&mut EdgeModelError::default(), false);
-            let mut model_error = EdgeModelError::alike(&seen.edges, 0.03);
-            model_error.grid_share = grid_share;
+            let alike = seen.edges.edges.iter().map(|e| (e.name, 0.03));
+            let mut model_error = EdgeModelError {
+                edges: Some(alike.collect()),
+                grid_share,
+                ..EdgeModelError::default()
+            };
             let once = compare(&mut model_error, true);
             let again = compare(&mut model_error, true);
             assert!((once.cost / again.cost - 1.0).abs() < 1e-6);
@@ -408,7 +412,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
             };
             let seen = compare(&mut EdgeModelError::default());
             let share = seen.edges.grid_share(weighting.noise_sd);
-            // What is found explains what the edges left over.
+            // The model error found explains what the edges left over.
             let mut model_error = EdgeModelError::found(&seen.edges, weighting.noise_sd);
             let again = compare(&mut model_error);
             let cost = |s: &Sums| s.cost;
@@ -423,7 +427,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
         println!("x {x_m}: share, again, costs; lens {lens:.3?}, grid {grid:.3?}");
         assert!(lens.0 < 0.05 && lens.1 < 0.05, "x {x_m}: {lens:?}");
         assert!(grid.0 > 0.8 && grid.1 > 0.8, "x {x_m}: {grid:?}");
-        // What the lens's own picture costs is rounding.
+        // The cost of the lens's own picture is rounding.
         let left = (grid.3 - lens.3) / (grid.2 - lens.3);
         assert!(left < 0.2, "x {x_m}: {lens:?} {grid:?}");
     }
@@ -433,6 +437,7 @@ fn blur_on_the_pixel_grid_is_distinguished_from_the_lens() {
 /// was tried with the light that flickers held, of which only its grey levels in the dark are known.
 #[test]
 fn light_that_flickers_is_seen_through_the_curve_that_is_estimated() {
+    use super::flicker::Rows;
     use super::picture::Uneven;
     // Seen with a response that is not quite the camera's.
     let (camera, at) = (0.6f64.ln(), 0.6f64.ln() + 0.03);
@@ -455,7 +460,16 @@ fn light_that_flickers_is_seen_through_the_curve_that_is_estimated() {
         };
         let mut counter = Counter::new(&weighting, Tables::get(), &state);
         let by = seen(dark + lamp) - seen(dark);
-        counter.uneven = Some(Uneven::of_rows(seen(dark), vec![by; 2]));
+        counter.uneven = Some(Uneven {
+            dark: seen(dark),
+            rows: Rows {
+                sd: vec![0.0; 2],
+                level: vec![by; 2],
+            },
+            blocks: Vec::new(),
+            across: 0,
+            blocks_sd: 0.0,
+        });
         let shown = grey(dark + lamp + laser).round() as u8;
         let background = counter.background(state.background, 1);
         let mut tally = counter.sums.tally;

@@ -17,7 +17,7 @@ pub(super) struct Visibility {
     pub by_thickness: f64,
     /// d share / d share of the blur that is formed on the pixel grid.
     pub by_grid: f64,
-    /// How far the share depends on what stands at an upright corner.
+    /// Dependence of the share on what stands at an upright corner.
     pub uncertain: f64,
     /// An edge is near enough to cut the light.
     pub cut: bool,
@@ -67,7 +67,7 @@ impl Visibility {
     }
 }
 
-/// How much of a pixel's light depends on where edges and corners are \[grey levels\].
+/// Dependence of a pixel's light on the places of edges and corners \[grey levels\].
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sensitivity {
     /// By edges: all of its light where it is cut in half.
@@ -156,7 +156,7 @@ impl Photometric {
         visibility
     }
 
-    /// What a slab hides about an upright edge of its silhouette: where a convex corner has one face
+    /// Share that a slab hides about an upright edge of its silhouette: where a convex corner has one face
     /// towards the camera and one away from it, the foot of the first, the upper face of the second and
     /// the upright edge between them bound the dark. `None` where no such corner is near.
     fn swept(
@@ -256,7 +256,7 @@ impl Photometric {
 }
 
 pub(super) fn standard(ray: &Ray, edge: &EdgeGeometry, hit: &Hit, stripe: &Stripe) -> Standard {
-    // What a body direction adds to the distance.
+    // Distance per metre along each body axis.
     let row = &edge.row;
     let toward = dot(row, &ray.sight);
     let slope: [f64; 2] = std::array::from_fn(|k| {

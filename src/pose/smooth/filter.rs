@@ -18,7 +18,6 @@ const START_THICKNESS: f64 = 5.0;
 /// Squared innovation per number from which a frame counts less: one in 10⁵ of six honest ones.
 const DOWNWEIGHT_CHI2: f64 = 32.0;
 
-/// A filtered run.
 pub(super) struct Filtered {
     /// After each frame: state and covariance.
     pub after: Vec<(State, Square)>,

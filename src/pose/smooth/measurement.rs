@@ -1,4 +1,4 @@
-//! What a frame contributes.
+//! Measurement that a frame contributes: its pose with the sheet's thickness.
 
 use crate::joint::JointPose;
 use nalgebra::SMatrix;
@@ -10,7 +10,7 @@ pub struct Measured {
     pub values: [f64; 7],
     /// Their covariance, SI.
     pub covariance: SMatrix<f64, 7, 7>,
-    /// Which of the pose the frame determined.
+    /// Whether the frame determined each number of the pose.
     pub measured: [bool; 6],
     /// The thickness was fitted, not held.
     pub thickness: bool,

@@ -1,8 +1,8 @@
 //! Runs of the simulated vehicle with the covariance that a frame really has.
 
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_sim::World;
-use hydroline_sim::fixture::lshpi_rig;
 use nalgebra::{Cholesky, SMatrix};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};

@@ -1,4 +1,4 @@
-//! How strongly unknown accelerations act, per DOF: the most likely strength for the run's poses.
+//! Strength of unknown accelerations per DOF: the most likely one for the run's poses.
 //!
 //! The DOFs hardly share their innovations, so the strengths are searched one after the other on
 //! a grid of factors, twice, coarse and fine. The result depends on the poses alone.

@@ -15,12 +15,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How often signals are looked after: Ctrl-C is felt at once, and looking costs microseconds.
+/// Time between looks for signals: Ctrl-C is felt at once, and looking costs microseconds.
 const LOOK: Duration = Duration::from_millis(50);
 /// Stack of the threads: what the main thread of a program has.
 const STACK_BYTES: usize = 8 << 20;
 
-/// What the command says, on its way to the calling thread.
+/// Message of the command on its way to the calling thread.
 enum Said {
     Result(Vec<u8>),
     Remark(String),
@@ -57,10 +57,10 @@ impl Listener for Ear {
     }
 }
 
-/// What a command left.
+/// Result of a command.
 #[pyclass(frozen, module = "hydroline._hydroline")]
 pub struct Called {
-    /// What the command line would have printed on stdout.
+    /// Text that the command line would have printed on stdout.
     #[pyo3(get)]
     text: String,
     /// Remarks, which the command line prints on stderr.
@@ -222,7 +222,7 @@ pub fn interruptible<T: Send>(
     }
 }
 
-/// What a panic comes to.
+/// Error that stands for a panic.
 fn bug(py: Python<'_>, panic: &(dyn std::any::Any + Send)) -> PyErr {
     let words = panic
         .downcast_ref::<String>()

@@ -59,7 +59,7 @@ pub trait Table: Send {
     /// Takes a message, encoded.
     ///
     /// # Errors
-    /// What is wrong with the bytes.
+    /// The fault of the bytes, in words.
     fn push(&mut self, log_ns: u64, data: &[u8]) -> Result<(), String>;
     /// The columns, with their names.
     fn finish(&mut self) -> Vec<(&'static str, ArrayRef)>;

@@ -17,12 +17,12 @@ fn raised(py: Python<'_>, class: &str, words: &str, attributes: &Bound<'_, PyDic
     }
 }
 
-/// What was given is to blame.
+/// Error of the input.
 pub fn input(py: Python<'_>, words: impl std::fmt::Display) -> PyErr {
     raised(py, "InputError", &words.to_string(), &PyDict::new(py))
 }
 
-/// The run is to blame.
+/// Error of the run.
 pub fn run(py: Python<'_>, words: impl std::fmt::Display) -> PyErr {
     raised(py, "RunError", &words.to_string(), &PyDict::new(py))
 }

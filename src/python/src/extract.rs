@@ -103,7 +103,7 @@ impl Profile {
         PyArray1::from_iter(py, points.map(|p| p.quality))
     }
 
-    /// What `hydroline extract --json` prints of an image.
+    /// Output of `hydroline extract --json` for the image, as a dict.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let text = hydroline_cli::extracted(&self.image, &self.profile)
             .map_err(|error| errors::sorted(py, error))?;

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 #[pyclass(frozen, module = "hydroline._hydroline")]
 pub struct Rig {
     pub rig: hydroline_rigs::Rig,
-    /// What the command line takes for it: its file or built-in name. None = it comes from a log.
+    /// Argument for it on the command line: its file or built-in name. None = it comes from a log.
     #[pyo3(get)]
     source: Option<String>,
 }
@@ -56,7 +56,7 @@ impl Rig {
 #[pyclass(frozen, module = "hydroline._hydroline")]
 pub struct Plan {
     plan: hydroline_rigs::Plan,
-    /// What the command line takes for it: its file or built-in name.
+    /// Argument for it on the command line: its file or built-in name.
     #[pyo3(get)]
     source: Option<String>,
 }
@@ -122,13 +122,13 @@ impl Calibration {
         Ok(Calibration { calibration })
     }
 
-    /// How the map was made, such as homography.
+    /// Method of the map, such as homography.
     #[getter]
     fn method(&self) -> &'static str {
         self.calibration.map.method()
     }
 
-    /// What the light went through: air, fresh or salt.
+    /// Medium that the light went through: air, fresh or salt.
     #[getter]
     fn medium(&self) -> &'static str {
         self.calibration.medium.name()

@@ -1,4 +1,4 @@
-//! Which messages become tables, and what columns each kind has.
+//! Messages that become tables, and the columns of each kind.
 
 use crate::columns::{Columns, Table};
 use hydroline_core::event::Severity;

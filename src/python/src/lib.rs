@@ -5,7 +5,7 @@
 //! - [`extract`]: the stripe of an array, without a copy;
 //! - [`files`]: rigs and plans.
 //!
-//! What a person sees (signatures, docstrings, result types) is Python, in `hydroline/`.
+//! The part that a person sees (signatures, docstrings, result types) is Python, in `hydroline/`.
 
 mod call;
 mod columns;
@@ -20,7 +20,7 @@ mod table;
 use hydroline_core::build_info::BuildInfo;
 use pyo3::prelude::*;
 
-/// What the package is built from; without a commit: a wheel is built from a copy of the sources.
+/// Build of the package; without a commit: a wheel is built from a copy of the sources.
 fn build() -> BuildInfo {
     BuildInfo::default()
 }

@@ -33,8 +33,8 @@ def _interrupted_s(call: Callable[[], object], after_s: float) -> float:
         pressed_s.append(time.process_time())
         os.kill(os.getpid(), signal.SIGINT)
 
-    threading.Timer(after_s, press).start()
     with pytest.raises(KeyboardInterrupt):
+        threading.Timer(after_s, press).start()
         call()
     return (time.process_time() - pressed_s[0]) / (os.cpu_count() or 1)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import List
 
@@ -73,3 +74,30 @@ def test_extract_of_an_array_is_that_of_the_file(folder: Path, logs: List[str]) 
     # Any other memory is copied first, and gives the same.
     turned = numpy.asfortranarray(frame.grey)
     assert hydroline.extract(turned).to_dict() == of_array.to_dict()
+
+
+def test_frames_are_asked_and_name_a_wrong_tone_curve(folder: Path) -> None:
+    # The log of tests/recording/one_verdict.rs: a smaller camera, so that it takes seconds.
+    values = {
+        "width_px": "360",
+        "height_px": "288",
+        "rate_fps": "2.1",
+        "fx_px": "443.1864293532365",
+        "fy_px": "443.1864293532365",
+        "cx_px": "179.5",
+        "cy_px": "143.5",
+        "frozen_after_s": "4.0",
+        "ambient": "8.0",
+    }
+    text = hydroline.Rig.load("lshpi").to_toml()
+    for key, value in values.items():
+        text = re.sub(rf"(?m)^{key} = .*$", f"{key} = {value}", text, count=1)
+    rig, tank, plan = (folder / f"curve-{name}.toml" for name in ("rig", "tank", "plan"))
+    rig.write_text(text)
+    tank.write_text(text + '\n[[physics]]\neffect = "tone_curve"\ngamma = 1.4\n')
+    steps = [(1.0, 8.0), (1.4, -8.0)]
+    plan.write_text("".join(f"[[step]]\nfor_s = {s}\nwrench = {{ surge_n = {n} }}\n" for s, n in steps))
+    log = hydroline.simulate(rig=rig, tank=tank, plan=plan, out=folder / "curve.mcap").log
+    found = hydroline.diagnose(log, rig=rig)
+    assert found.json == command("diagnose", log, "--rig", rig, "--json")
+    assert "tone_curve" in [effect["effect"] for effect in found.effects], found.sentence

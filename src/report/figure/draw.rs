@@ -14,7 +14,6 @@ const DOT_PX: f64 = 3.2;
 /// Half width and height of the arrow that stands for a dot beyond the axis \[px\].
 const ARROW_PX: [f64; 2] = [3.5, 6.0];
 
-/// Draws a panel.
 pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
     let [[left, top], [right, bottom]] = placed.area;
     legend::draw(root, &placed.header, left, placed.top_px);
@@ -51,7 +50,7 @@ pub(super) fn panel(root: &mut Element, placed: &Placed<'_>) {
     numbers(root, placed);
 }
 
-/// What lies behind the grid.
+/// Draws the parts of a layer that lie behind the grid.
 fn areas(root: &mut Element, layer: &Layer, placed: &Placed<'_>, [x, y]: &[Scale; 2]) {
     let [[left, top], [right, bottom]] = placed.area;
     // Between two places, in whatever order the axis has them.

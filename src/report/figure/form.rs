@@ -1,4 +1,4 @@
-//! How a series looks besides its colour: width and dashes of its line, shape of its dots. So a figure reads in
+//! Look of a series besides its colour: width and dashes of its line, shape of its dots. So a figure reads in
 //! grey, and to eyes that see few hues.
 
 use crate::colour::Colour;
@@ -35,7 +35,6 @@ const PALE: f64 = 0.45;
 const STROKE_PX: f64 = 1.2;
 
 impl Form {
-    /// What belongs to a colour.
     pub fn of(colour: Colour) -> Self {
         let (dashes, marker) = match colour {
             Colour::VERMILLION => ("6 4", Marker::Square),
@@ -45,7 +44,7 @@ impl Form {
             Colour::SKY => ("5 4 0.5 4 0.5 4", Marker::Plus),
             _ => ("", Marker::Round),
         };
-        // What was measured lies broad and pale behind the models.
+        // Measurements lie broad and pale behind the models.
         let measured = colour == Colour::GREY;
         Form {
             width_px: if measured { BROAD_PX } else { LINE_PX },

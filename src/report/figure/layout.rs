@@ -30,7 +30,6 @@ const PER_NUMBER_ACROSS_PX: f64 = 80.0;
 /// A number on the ordinate for each so many pixels, at most; where that would be too few, one for each line of letters.
 const PER_NUMBER_UP_PX: f64 = 26.0;
 
-/// A panel with its place.
 pub(super) struct Placed<'a> {
     pub panel: &'a Panel,
     /// Between the axes' ends.
@@ -41,7 +40,7 @@ pub(super) struct Placed<'a> {
     pub scales: Option<[Scale; 2]>,
     pub x_ticks: Vec<Tick>,
     pub y_ticks: Vec<Tick>,
-    /// Whether the abscissa's numbers and name stand below.
+    /// Whether the abscissa's numbers and name are written below.
     pub x_written: bool,
     pub x_label: String,
     pub y_label: Vec<String>,
@@ -50,11 +49,11 @@ pub(super) struct Placed<'a> {
     pub top_px: f64,
 }
 
-/// What is known of a panel before the margins are.
+/// Measures of a panel before the margins are known.
 struct Measured<'a> {
     panel: &'a Panel,
     ranges: Option<[[f64; 2]; 2]>,
-    /// How many numbers the ordinate should carry, and may at most.
+    /// Numbers that the ordinate should carry, and may at most.
     wanted_up: [f64; 2],
     y_label: Vec<String>,
     left_px: f64,
@@ -129,7 +128,6 @@ fn shared_range(column: &[Panel]) -> Option<[f64; 2]> {
         .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }
 
-/// The whole drawing.
 pub(super) fn drawing(figure: &Figure, width_px: f64) -> Element {
     let (placed, height_px) = place(figure, width_px);
     let mut root = svg::root([width_px, height_px], "")

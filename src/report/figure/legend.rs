@@ -26,7 +26,6 @@ const TO_AXES_PX: f64 = 5.0;
 /// Shades of a scale of colours.
 const SHADES: i32 = 21;
 
-/// One entry.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
     layer: Layer,
@@ -40,7 +39,7 @@ pub(super) struct Entry {
     pub base_px: f64,
 }
 
-/// What stands above the axes.
+/// Title and legend above the axes.
 #[derive(Debug, Clone)]
 pub(super) struct Header {
     /// Lines of the title, with their base lines from the header's top \[px\].
@@ -121,7 +120,7 @@ fn entry(layer: &Layer, room_px: f64) -> Entry {
     }
 }
 
-/// What the legend says of a layer; of cells, the values at the ends of their colours.
+/// Legend of a layer; of cells, the value at the upper end of their colours.
 fn name(layer: &Layer) -> String {
     match &layer.kind {
         Kind::Cells { full, unit, .. } => format!("+{} {unit}", full_label(*full)),
@@ -133,7 +132,7 @@ fn full_label(full: f64) -> String {
     crate::number::short(full)
 }
 
-/// What stands left of a scale of colours.
+/// Value at the left end of a scale of colours; `None` where the layer has none.
 fn lower(layer: &Layer) -> Option<String> {
     match &layer.kind {
         Kind::Cells { full, .. } => Some(format!("-{}", full_label(*full))),
@@ -147,7 +146,6 @@ fn sample_px(layer: &Layer) -> f64 {
     })
 }
 
-/// Draws the header with its upper left at `left_px`, `top_px`.
 pub(super) fn draw(root: &mut Element, header: &Header, left_px: f64, top_px: f64) {
     for (line, base_px) in &header.title {
         root.push_line(

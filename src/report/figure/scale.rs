@@ -149,7 +149,6 @@ impl Scale {
         ticks
     }
 
-    /// The multiples of a step inside the axis.
     fn multiples(&self, step: f64, most: f64) -> Vec<Tick> {
         let first = (self.low / step - 1e-9).ceil();
         let last = (self.high / step + 1e-9).floor();

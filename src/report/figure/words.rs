@@ -1,9 +1,8 @@
-//! How wide text is, before any font is known.
+//! Width of text, before any font is known.
 //!
 //! The reader's sans-serif font draws it. Widths are those of DejaVu Sans, the widest of the usual ones
 //! (Arial and Helvetica are about a tenth narrower), so that what fits here fits everywhere.
 
-/// Width of a text \[px\] at a font size \[px\].
 pub(super) fn width_px(words: &str, size_px: f64) -> f64 {
     words.chars().map(advance_em).sum::<f64>() * size_px
 }
@@ -11,7 +10,6 @@ pub(super) fn width_px(words: &str, size_px: f64) -> f64 {
 /// Bold letters are wider.
 pub(super) const BOLD: f64 = 1.12;
 
-/// Advance of a character \[em\].
 fn advance_em(c: char) -> f64 {
     match c {
         'i' | 'j' | 'l' | '\'' => 0.28,

@@ -27,7 +27,7 @@ impl Inline {
         self.part(words, None)
     }
 
-    /// What the sentence is about.
+    /// Subject of the sentence, in bold.
     #[must_use]
     pub fn strong(self, words: impl Into<String>) -> Self {
         self.part(words, Some(("strong", "")))
@@ -51,7 +51,7 @@ impl Inline {
         self.part(words, Some(("span", "warning")))
     }
 
-    /// What follows begins a line.
+    /// Begins a new line.
     #[must_use]
     pub fn new_line(self) -> Self {
         self.part("", Some(("br", "")))
@@ -81,7 +81,6 @@ impl Inline {
         lines.map(length).max().unwrap_or(0)
     }
 
-    /// The words in an element.
     pub(super) fn within(self, name: &'static str) -> Element {
         self.parts
             .iter()

@@ -29,7 +29,7 @@ pub struct Row {
     warns: bool,
 }
 
-/// What stands in a cell.
+/// Cell of a table.
 #[derive(Debug, Clone)]
 pub struct Value {
     words: Inline,
@@ -56,6 +56,8 @@ impl Table {
 
     /// Adds a row that was made before.
     pub fn push(&mut self, row: Row) {
+        let columns: usize = row.cells.iter().map(|c| c.columns).sum();
+        debug_assert_eq!(columns, self.head.len(), "cells of a row");
         self.rows.push(row);
     }
 

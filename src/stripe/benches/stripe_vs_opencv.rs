@@ -4,12 +4,15 @@
 //! opencv-python-headless numpy`, then `HYDROLINE_PYTHON=V/bin/python`); without them ours alone.
 
 use hydroline_core::frame::GreyImage;
-use hydroline_stripe::synthetic::{StripeImage, render, row_bound_px};
-use hydroline_stripe::{Band, Extractor, ExtractorConfig, Profile};
+use hydroline_stripe::{Extractor, ExtractorConfig, Profile};
 use serde::Deserialize;
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;
+use synthetic::{StripeImage, render, row_bound_px};
+
+#[path = "../tests/synthetic/mod.rs"]
+mod synthetic;
 
 const REPEATS: usize = 300;
 
@@ -122,21 +125,9 @@ fn measure(name: &str, method: &str, truth: &StripeImage, mut run: impl FnMut() 
 
 fn ours(name: &str, stripe: &StripeImage, image: &GreyImage) -> Vec<Row> {
     let mut extractor = Extractor::new(ExtractorConfig::default());
-    let mut rows = vec![measure(name, "ours, unknown frame", stripe, || {
+    vec![measure(name, "ours, unknown frame", stripe, || {
         extractor.extract(image)
-    })];
-    // The last frame's band: the stripe 2 px lower, other noise.
-    let last = StripeImage {
-        row0_px: stripe.row0_px + 2.0,
-        seed: stripe.seed + 100,
-        ..stripe.clone()
-    };
-    if let Some(band) = Band::from_profile(&extractor.extract(&render(&last)), 28.0) {
-        rows.push(measure(name, "ours, last frame's band", stripe, || {
-            extractor.extract_in_band(image, &band)
-        }));
-    }
-    rows
+    })]
 }
 
 fn theirs(

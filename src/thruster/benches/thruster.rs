@@ -8,11 +8,15 @@ use hydroline_core::clock::{Clock, ManualClock};
 use hydroline_rigs::LinkKind;
 use hydroline_thruster::ChannelPulse;
 use hydroline_thruster::clocksync::{ClockSync, Exchange, SyncSettings};
-use hydroline_thruster::controller::{ControllerConfig, Loopback, SimController};
+use hydroline_thruster::controller::ControllerConfig;
 use hydroline_thruster::link::{LinkEvent, MaestroProtocol, ThrusterLink};
 use hydroline_thruster::stamped::{Deframer, HostMessage};
+use loopback::Loopback;
 use std::sync::Arc;
 use std::time::Duration;
+
+#[path = "../tests/loopback/mod.rs"]
+mod loopback;
 
 fn main() {
     divan::main();
@@ -81,10 +85,7 @@ fn clock_fit_over_120_exchanges(bencher: Bencher) {
 #[divan::bench]
 fn maestro_command_and_echo_in_memory(bencher: Bencher) {
     let clock = Arc::new(ManualClock::new(1_000_000_000, 0));
-    let cable = Loopback::new(
-        SimController::new(ControllerConfig::bench(LinkKind::Maestro)),
-        clock.clone(),
-    );
+    let cable = Loopback::new(ControllerConfig::bench(LinkKind::Maestro), clock.clone());
     let protocol = Box::new(MaestroProtocol::new(1100.0, 1900.0, 200_000_000));
     let mut link = ThrusterLink::new(
         protocol,

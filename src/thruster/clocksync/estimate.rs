@@ -1,8 +1,8 @@
-//! What the fit says, and 32-bit times made 64 bits wide.
+//! Result of the fit, and 32-bit times made 64 bits wide.
 
 use crate::record::ControllerClock;
 
-/// Where the controller's clock stands.
+/// State of the controller's clock by the fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
     /// CLOCK_MONOTONIC the fit is centred on \[ns\].
@@ -35,12 +35,6 @@ impl Estimate {
     /// Controller clock (unwrapped) at a host time \[us\].
     pub fn controller_at_us(&self, host_ns: u64) -> f64 {
         self.controller_us + self.since_epoch_us(host_ns) * (1.0 + self.drift_ppm * 1e-6)
-    }
-
-    /// Host CLOCK_MONOTONIC at a controller time (unwrapped) \[ns\].
-    pub fn host_at_ns(&self, controller_us: u64) -> u64 {
-        let host_us = (controller_us as f64 - self.controller_us) / (1.0 + self.drift_ppm * 1e-6);
-        (self.host_epoch_ns as f64 + host_us * 1e3).max(0.0) as u64
     }
 
     /// Standard deviation of either conversion at a host time \[us\]; grows away from the epoch with the drift's.

@@ -1,11 +1,11 @@
-//! What a simulated controller is like.
+//! Configuration of a simulated controller.
 
 use hydroline_rigs::{LinkKind, ThrusterSet};
 
 /// A simulated controller's properties.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControllerConfig {
-    /// Protocol.
+    /// Protocol that it speaks.
     pub kind: LinkKind,
     /// Baud rate that paces both directions; `None` = native USB, not paced.
     pub baud: Option<u32>,

@@ -7,7 +7,7 @@ use crate::stamped::{ControllerMessage, Deframer, FrameError, HostMessage, Outpu
 use crate::transport::LineModel;
 use hydroline_rigs::LinkKind;
 
-/// What the firmware can see while it handles one byte.
+/// Clock, times and outputs that the firmware sees while it handles one byte.
 pub(super) struct View<'a> {
     pub clock: OwnClock,
     /// The byte's last bit \[ns\].
@@ -67,7 +67,7 @@ impl Answer {
     }
 }
 
-/// What a byte brings about.
+/// Effects of one byte.
 #[derive(Default)]
 pub(super) struct Reaction {
     /// A sound command: feeds the watchdog.

@@ -3,7 +3,7 @@
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt};
 
-/// What goes wrong. Default: nothing.
+/// Faults that are simulated. Default: none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faults {
     /// It listens and obeys, but never answers.

@@ -17,20 +17,18 @@ use std::thread::JoinHandle;
 /// Called for every change of an output.
 pub type OnPulses = Box<dyn FnMut(ControllerEvent) + Send>;
 
-/// Why there is no pseudo-terminal.
+/// Reason why there is no pseudo-terminal.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum PtyError {
     #[error("no pseudo-terminal: {0} (is devpts mounted on /dev/pts?)")]
     Open(io::Error),
-    /// The stable name could not be made.
     #[error("cannot link {link} to {node}: {error}; name another path, or remove what is there")]
     Link {
         link: PathBuf,
         node: PathBuf,
         error: io::Error,
     },
-    /// The controller's thread could not be started.
     #[error("cannot start the controller's thread: {0}")]
     Thread(io::Error),
 }
@@ -103,15 +101,6 @@ impl PtyController {
             let _ = plugged.thread.join();
             self.controller().cable_pulled();
         }
-    }
-
-    /// Lets an unplugged controller's time pass: its watchdog acts although no cable is there.
-    pub fn run_unplugged(&self) {
-        let mut on_pulses = self.on_pulses.held();
-        self.controller()
-            .poll(SystemClock.monotonic_ns(), &mut Vec::new(), &mut |e| {
-                on_pulses(e)
-            });
     }
 
     /// Plugs it in (again).

@@ -8,7 +8,7 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Why [`serve`] came back.
+/// Reason why [`serve`] came back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ServeEnd {
     /// `stop` was set.
@@ -20,7 +20,7 @@ pub enum ServeEnd {
 /// Serves `stream` until `stop` is set or the other end closes. Every change of an output goes to `on_pulses`.
 ///
 /// The stream is made non-blocking. `clock` has to be the system's: the waiting is done by poll(2).
-/// What the other end does not read is dropped as a UART would, not kept.
+/// Bytes that the other end does not read are dropped as a UART would, not kept.
 ///
 /// # Errors
 /// When the descriptor fails.
@@ -42,11 +42,7 @@ pub fn serve<S: Read + Write + AsFd>(
         };
         match stream.write(&out) {
             Ok(_) => {}
-            Err(e)
-                if matches!(
-                    e.kind(),
-                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) => {}
+            Err(e) if later(&e) => {}
             Err(e) if gone(&e) => return Ok(ServeEnd::Closed),
             Err(e) => return Err(e),
         }
@@ -63,16 +59,18 @@ pub fn serve<S: Read + Write + AsFd>(
                 let mut controller = controller.held();
                 controller.receive(clock.monotonic_ns(), &buffer[..n]);
             }
-            Err(e)
-                if matches!(
-                    e.kind(),
-                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-                ) => {}
+            Err(e) if later(&e) => {}
             Err(e) if gone(&e) => return Ok(ServeEnd::Closed),
             Err(e) => return Err(e),
         }
     }
     Ok(ServeEnd::Stopped)
+}
+
+/// Whether the same call may succeed when it is made again.
+fn later(e: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, WouldBlock};
+    matches!(e.kind(), WouldBlock | Interrupted)
 }
 
 fn gone(e: &io::Error) -> bool {

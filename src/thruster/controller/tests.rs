@@ -3,6 +3,13 @@ use crate::stamped::{ControllerMessage, Deframer, HostMessage};
 use hydroline_rigs::LinkKind;
 use proptest::prelude::*;
 
+impl SimController {
+    /// Its clock at a host time \[us\], 32 bits.
+    pub(crate) fn clock_us(&self, host_ns: u64) -> u32 {
+        self.clock.read_us(host_ns)
+    }
+}
+
 const MS: u64 = 1_000_000;
 
 fn config(kind: LinkKind, baud: u32) -> ControllerConfig {

@@ -1,7 +1,8 @@
 //! One test body, both protocols, against the simulated controller in memory.
 
 use super::*;
-use crate::controller::{ControllerConfig, Faults, Loopback, OutputCause, SimController};
+use crate::controller::{ControllerConfig, Faults, OutputCause};
+use crate::loopback::Loopback;
 use hydroline_core::clock::{Clock, ManualClock};
 use hydroline_rigs::{Link, LinkPort, ThrustCurve, Thruster};
 use std::sync::Arc;
@@ -43,7 +44,7 @@ fn link(
     let clock = Arc::new(ManualClock::new(1_000_000_000, 1_700_000_000_000_000_000));
     let mut config = ControllerConfig::bench(kind);
     change(&mut config);
-    let cable = Loopback::new(SimController::new(config), clock.clone());
+    let cable = Loopback::new(config, clock.clone());
     let line = cable.open().unwrap();
     let mut link = ThrusterLink::new(
         protocol_for(&set(kind)),
@@ -217,8 +218,8 @@ fn the_stamped_link_finds_the_controllers_clock() {
     // Echo and command agree on one time scale.
     let sent = link.send(2000, &pulses(1600.0), false).unwrap();
     let events = poll_for(&mut link, &clock, 20);
-    let took_effect_ns = e.host_at_ns(echoes(&events)[0].controller_time_us);
-    assert!(took_effect_ns.abs_diff(sent.last_byte_out_ns) < 30_000);
+    let took_effect_us = echoes(&events)[0].controller_time_us as f64;
+    assert!((took_effect_us - e.controller_at_us(sent.last_byte_out_ns)).abs() < 30.0);
 }
 
 #[test]

@@ -9,16 +9,16 @@ use super::{
 pub enum Command {
     /// New target of a channel \[quarter us\]; 0 = stop pulses.
     SetTarget {
-        /// Channel.
+        /// Number of the channel.
         channel: u8,
-        /// Target.
+        /// Target of the pulse \[quarter us\].
         quarter_us: u16,
     },
     /// Speed or acceleration limit: accepted, without effect in the simulated controller.
     SetLimit,
     /// Position asked.
     GetPosition {
-        /// Channel.
+        /// Number of the channel.
         channel: u8,
     },
     /// Moving state asked.

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 pub enum Request {
     /// Position of a channel; the smallest and largest believable answer \[quarter us\].
     Position {
-        /// Channel.
+        /// Number of the channel.
         channel: u8,
         /// Smallest believable position.
         min: u16,
@@ -19,7 +19,7 @@ pub enum Request {
     Errors,
 }
 
-/// What the decoder found.
+/// Event in the controller's answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Response {
     /// The answer to the oldest open request.
@@ -33,12 +33,12 @@ pub enum Response {
     Resync {
         /// Requests given up.
         lost: usize,
-        /// Why.
+        /// Reason for it.
         reason: ResyncReason,
     },
 }
 
-/// Why the decoder threw its state away.
+/// Reason why the decoder discarded its state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ResyncReason {
     /// The oldest request was not answered in time.

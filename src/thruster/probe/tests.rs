@@ -1,7 +1,8 @@
 //! The probe against devices that behave, and against those that do not.
 
 use super::*;
-use crate::controller::{ControllerConfig, Faults, Loopback, SimController};
+use crate::controller::{ControllerConfig, Faults};
+use crate::loopback::Loopback;
 use crate::transport::Sent;
 use hydroline_core::clock::{Clock, ManualClock};
 use hydroline_rigs::Rig;
@@ -60,7 +61,7 @@ fn set(kind: LinkKind) -> ThrusterSet {
     set
 }
 
-/// What a Maestro answers to one write in compact protocol: no errors, 1500 us everywhere.
+/// Answers of a Maestro to one write in compact protocol: no errors, 1500 us everywhere.
 fn plain_maestro(bytes: &[u8]) -> Vec<u8> {
     match bytes {
         [GET_ERRORS] => vec![0, 0],
@@ -75,7 +76,7 @@ fn a_healthy_controller_says_what_it_puts_out_and_nothing_moves() {
         let set = set(kind);
         let clock = Arc::new(ManualClock::new(1_760_000_000_000_000_000, 1_000_000));
         let cable = Loopback::new(
-            SimController::new(ControllerConfig::for_rig(&set)),
+            ControllerConfig::for_rig(&set),
             clock.clone() as Arc<dyn Clock>,
         );
         let mut line = cable.open().unwrap();

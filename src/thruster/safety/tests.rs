@@ -29,7 +29,7 @@ fn out_of_range_is_refused_and_nothing_changes() {
             Err(Refused::Range { index: 1, .. })
         ));
     }
-    assert_eq!(s.last_us(), [1500.0, 1500.0]);
+    assert_eq!(s.last_us, [1500.0, 1500.0]);
     assert!(matches!(
         s.admit(MS, &[1500.0]),
         Err(Refused::Count { got: 1, want: 2 })
@@ -64,7 +64,7 @@ fn neutral_is_at_once_and_holds_until_armed() {
     for k in 1..=9 {
         s.admit(k * 20 * MS, &[1900.0]).unwrap();
     }
-    assert_eq!(s.last_us(), [1860.0]);
+    assert_eq!(s.last_us, [1860.0]);
     assert_eq!(
         s.neutral(NeutralReason::Deadline, 400 * MS),
         (vec![1500.0], true)

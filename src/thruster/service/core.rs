@@ -78,8 +78,8 @@ pub struct Core {
     config: ServiceConfig,
     names: Vec<Arc<str>>,
     clock: Arc<dyn Clock>,
-    sink: Sink,
-    opener: Opener,
+    pub(super) sink: Sink,
+    pub(super) opener: Opener,
     inbox: Receiver<Order>,
     shared: Arc<Shared>,
     safety: Safety,
@@ -160,16 +160,6 @@ impl Core {
             last_pulses: Vec::new(),
             config,
         }
-    }
-
-    #[cfg(test)]
-    pub(super) fn replace_opener(&mut self, opener: Opener) {
-        self.opener = opener;
-    }
-
-    #[cfg(test)]
-    pub(super) fn replace_sink(&mut self, sink: Sink) {
-        self.sink = sink;
     }
 
     /// State of the thrusters.
@@ -379,7 +369,6 @@ impl Drop for Core {
     }
 }
 
-/// CPU time of the calling thread \[s\].
 fn thread_cpu_s() -> f64 {
     let mut t = libc::timespec {
         tv_sec: 0,

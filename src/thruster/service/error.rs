@@ -1,4 +1,4 @@
-//! What is wrong before a byte is sent.
+//! Errors that are found before a byte is sent.
 
 use crate::link::{Protocol, protocol_for};
 use crate::safety::State;
@@ -6,21 +6,18 @@ use crate::stamped::MAX_CHANNELS;
 use crate::transport::Wire;
 use hydroline_rigs::ThrusterSet;
 
-/// Why the service does not start or take something.
+/// Reason why the service does not start or take something.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum ServiceError {
-    /// The line is too slow for the rate.
     #[error(
         "{channels} thrusters at {rate_hz} /s need {needed_s:.4} s of wire time per set at {baud} baud, the period is {period_s:.4} s: raise link.baud or lower link.rate_hz"
     )]
     TooSlow {
         channels: usize,
-        /// Rate \[1/s\].
         rate_hz: f64,
         /// Wire time of a set and its echo, the longer direction \[s\].
         needed_s: f64,
-        /// Period \[s\].
         period_s: f64,
         baud: u32,
     },
@@ -30,12 +27,10 @@ pub enum ServiceError {
         channels: Vec<u8>,
         reason: &'static str,
     },
-    /// The thread did not start.
     #[error("cannot start the thruster thread: {0}")]
     Thread(std::io::Error),
     #[error("the thruster service has ended ({state:?}): see its events")]
     Ended { state: State },
-    /// The producer is faster than the line.
     #[error("the thruster service's queue is full: set-points come faster than link.rate_hz")]
     Full,
 }

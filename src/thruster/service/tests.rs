@@ -7,9 +7,8 @@ mod wild;
 
 use super::error::check;
 use super::*;
-use crate::controller::{
-    ControllerConfig, ControllerEvent, Faults, Loopback, OutputCause, SimController,
-};
+use crate::controller::{ControllerConfig, ControllerEvent, Faults, OutputCause};
+use crate::loopback::Loopback;
 use crate::record::{CommandRecord, EchoRecord};
 use crate::scheduler::PlannedLoad;
 use crate::transport::Sent;
@@ -103,10 +102,7 @@ fn bench(kind: LinkKind, change: impl FnOnce(&mut ServiceConfig)) -> Bench {
         resume_after_loss: false,
     };
     change(&mut config);
-    let cable = Loopback::new(
-        SimController::new(ControllerConfig::for_rig(&config.set)),
-        clock.clone(),
-    );
+    let cable = Loopback::new(ControllerConfig::for_rig(&config.set), clock.clone());
     let opens = Arc::new(AtomicU32::new(0));
     let (line, counted, alive) = (cable.clone(), opens.clone(), Arc::new(AtomicU32::new(0)));
     let opener: Opener = Box::new(move || {

@@ -2,16 +2,14 @@
 
 use super::{MAX_FRAME, VERSION, crc16};
 
-/// Why a received frame was dropped.
+/// Reason why a received frame was dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum FrameError {
-    /// No delimiter within the longest frame.
     #[error(
         "more than {max} bytes without a 00 delimiter: dropped up to the next one (wrong baud rate or protocol?)"
     )]
     TooLong { max: usize },
-    /// COBS code byte points beyond the frame.
     #[error("{len} bytes between delimiters are not valid COBS")]
     Cobs { len: usize },
     /// Fewer bytes than version, type and CRC.
@@ -23,10 +21,8 @@ pub enum FrameError {
     Version { got: u8 },
     #[error("unknown message type {got:#04x}")]
     Type { got: u8 },
-    /// Length does not fit the type.
     #[error("message type {kind:#04x} of {len} bytes does not have its type's length")]
     Length { kind: u8, len: usize },
-    /// A field holds a value outside its enumeration.
     #[error("message type {kind:#04x}: field value {got} is not defined")]
     Value { kind: u8, got: u8 },
 }

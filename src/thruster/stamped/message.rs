@@ -44,7 +44,7 @@ pub enum HostMessage {
     },
 }
 
-/// What the outputs are doing.
+/// State of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputState {
     /// 0: neutral since the reset.
@@ -68,7 +68,7 @@ pub enum ControllerMessage {
         time_us: u32,
         /// Error bits since the last Ack or Status.
         errors: u16,
-        /// What is put out now.
+        /// Pulses that are put out now.
         pulses: Vec<ChannelPulse>,
     },
     /// 0x82: answer to TimeSync.
@@ -92,7 +92,7 @@ pub enum ControllerMessage {
         boot_id: u16,
         /// Error bits since the last Ack or Status.
         errors: u16,
-        /// Outputs.
+        /// State of the outputs.
         state: OutputState,
         /// Watchdog in force \[ms\].
         watchdog_ms: u16,
@@ -100,7 +100,7 @@ pub enum ControllerMessage {
         frames_ok: u32,
         /// Broken frames since the reset, wraps.
         frames_bad: u32,
-        /// What is put out now.
+        /// Pulses that are put out now.
         pulses: Vec<ChannelPulse>,
     },
 }

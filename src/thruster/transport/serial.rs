@@ -13,15 +13,15 @@ use std::time::{Duration, Instant};
 /// Most bytes per write: serialport's timeout covers the poll, not a large write, which can block beyond it.
 const MAX_WRITE: usize = 255;
 
-/// Why a port did not open.
+/// Reason why a port did not open.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // The messages say what stands in them.
+#[allow(missing_docs)] // Each message names its fields.
 pub enum OpenError {
     /// Not there (unplugged, wrong identity).
     #[error("serial port {wanted} is not there: {hint}")]
     NotFound {
         wanted: String,
-        /// What is there instead, or what to do.
+        /// Ports that are there instead, or what to do.
         hint: String,
     },
     #[error("{0}")]
@@ -61,7 +61,7 @@ impl SerialTransport {
         let builder =
             serialport::new(path.to_string_lossy(), baud).timeout(Duration::from_millis(5));
         let port = TTYPort::open(&builder).map_err(|error| Self::explain(path, &error))?;
-        // What arrived before we opened belongs to nobody's request.
+        // Bytes that arrived before we opened belong to nobody's request.
         port.clear(ClearBuffer::All).map_err(|e| OpenError::Other {
             path: path.to_path_buf(),
             reason: e.to_string(),
@@ -82,7 +82,7 @@ impl SerialTransport {
         &self.path
     }
 
-    /// What became of low-latency mode.
+    /// Result of asking for low-latency mode.
     pub fn low_latency(&self) -> &LowLatency {
         &self.low_latency
     }

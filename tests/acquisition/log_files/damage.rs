@@ -54,7 +54,7 @@ fn cut_everywhere(zstd_level: u32, (frames, chunk_bytes): (u32, u64), step: usiz
             "cut at {cut}: {} of {in_closed}",
             back.len()
         );
-        // What was salvaged beyond is what was written, in order.
+        // Messages salvaged beyond the closed chunks are those written, in order.
         for (a, b) in back.iter().zip(&whole) {
             assert_eq!(
                 (&a.record, a.log_ns, a.publish_ns, a.sequence),

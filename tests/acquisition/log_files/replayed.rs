@@ -1,4 +1,4 @@
-//! What `replay` writes is a sound log, carries over what is ours, and says what it could not.
+//! Logs that `replay` writes are sound, carry over our own topics, and say what was not copied.
 
 use std::path::Path;
 

@@ -36,7 +36,7 @@ impl Found {
     }
 }
 
-/// What a chain gave.
+/// Results of a chain.
 #[derive(Debug, Clone, Default)]
 pub struct Outcome {
     pub coefficients: Vec<Found>,
@@ -49,7 +49,7 @@ pub struct Outcome {
     /// Worst error of a pose in sds, and where.
     pub worst_sds: f64,
     pub worst_at: String,
-    /// What the commands said of what went wrong.
+    /// Failures and misfits that the commands reported.
     pub words: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a chain is drawn of: a vehicle that is not quite the rig's, its plans, a light and a camera.
+//! Random setup of a chain: a vehicle that is not quite the rig's, its plans, a light and a camera.
 
 use hydroline::identify::parameter::Coefficient;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
@@ -93,7 +93,7 @@ pub fn plan(steps: &[(f64, &str)]) -> String {
 #[derive(Debug, Clone)]
 pub struct Drawn {
     pub chain: u64,
-    /// What the user has.
+    /// Rig that the user has.
     pub rig: Rig,
     /// The vehicle as it is.
     pub world: Rig,
@@ -198,7 +198,7 @@ impl Drawn {
         words.collect::<Vec<_>>().join("; ")
     }
 
-    /// What a result depends on: the chain, and the binary that made it.
+    /// Key of a result: the chain, and the binary that made it.
     pub fn key(&self, lit: bool, groups: &[Group]) -> String {
         let program = crate::support::hydroline();
         let made = std::fs::metadata(program.get_program()).unwrap();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Cases {
     table: toml::Table,
     folder: PathBuf,
-    /// What was committed.
+    /// Committed numbers: `tests/data/sample/expected.json`.
     pub expected: serde_json::Value,
 }
 

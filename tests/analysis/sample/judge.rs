@@ -5,14 +5,17 @@ use serde_json::Value;
 /// Largest difference \[sd\].
 const LIMIT_SD: f64 = 0.01;
 
-/// What a comparison found.
+/// Largest difference of an rms, as a share of it.
+const LIMIT_RMS_SHARE: f64 = 1e-3;
+
+/// Result of a comparison.
 #[derive(Default)]
 pub struct Judged {
     pub numbers: usize,
     pub identical: usize,
     pub worst_sd: f64,
     pub worst: String,
-    /// What fails.
+    /// Failures, in words.
     pub wrong: Vec<String>,
 }
 
@@ -83,6 +86,20 @@ pub fn same_verdict(name: &str, expected: &Value, found: &Value, into: &mut Judg
     let faults = |v: &Value| v["data_faults"].as_array().map_or(0, Vec::len);
     if faults(expected) != faults(found) {
         into.wrong.push(format!("{name}: other faults of the data"));
+    }
+    // Each channel's rms under leave-one-run-out: to a thousandth of itself, which is far below what any verdict rests on.
+    let [was, is] = [expected, found].map(|v| &v["leave_one_run_out"]["rms"]);
+    for by in ["before", "after"] {
+        for (channel, was) in was[by].as_object().into_iter().flatten() {
+            let place = format!("{name} leave_one_run_out {by} {channel}");
+            let rms = was.as_f64().unwrap();
+            into.number(
+                &place,
+                rms,
+                &is[by][channel],
+                LIMIT_RMS_SHARE * rms / LIMIT_SD,
+            );
+        }
     }
 }
 

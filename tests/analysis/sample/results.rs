@@ -1,4 +1,4 @@
-//! What is read from a case's results, as tests/sample/lib/stages.py reads it.
+//! Numbers of a case's results, read as tests/sample/lib/stages.py reads them.
 
 use super::cases::{Cases, ran};
 use serde_json::{Map, Value, json};

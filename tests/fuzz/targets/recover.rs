@@ -23,7 +23,7 @@ fuzz_target!(|bytes: &[u8]| {
         if recover(&path, &mended).is_ok() {
             let reader = LogReader::open(&mended).expect("a recovered log opens");
             for message in reader {
-                // What does not decode is kept as it is, and reported.
+                // A message that does not decode is kept as it is, and reported.
                 if !matches!(message, Err(LogError::Message { .. })) {
                     message.expect("a recovered log reads back");
                 }

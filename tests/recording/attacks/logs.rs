@@ -41,7 +41,7 @@ fn metadata_without_checksum() {
         vec!["recover", &killed, "--out", &mended],
         vec!["doctor", &killed],
     ]);
-    // What was recovered of a run with images is replayed: that says so too, and so does the doctor of what it wrote.
+    // The replay of a recovered run with images says so too, and so does the doctor of the log that it wrote.
     let [recorded, recovered, replayed] =
         ["recorded", "recovered", "replayed"].map(|name| path(dir.path(), &format!("{name}.mcap")));
     let words_of = format!("record --rig lshpi --for 1s --no-thrusters --out {recorded}");

@@ -68,7 +68,7 @@ impl Bench {
             .collect()
     }
 
-    /// What a refused command line left in the folder of results, in words; it is empty afterwards.
+    /// Files that a refused command line left in the folder of results, in words; it is empty afterwards.
     fn left_behind(&self, words: &[String]) -> Option<String> {
         let results = self.path("results");
         let entries: Vec<PathBuf> = std::fs::read_dir(&results)
@@ -382,7 +382,7 @@ const STEPS: &[&str] = &[
     "write ", "needs ", "Export ", "export ",
 ];
 
-/// What is wrong with how a command line was refused, each in words; exit code 2 and `parts` are asked.
+/// Faults of how a command line was refused, each in words; exit code 2 and `parts` are required.
 fn faults(words: &[String], output: &Output, parts: &[&str]) -> Vec<String> {
     let stderr = String::from_utf8_lossy(&output.stderr);
     let mut faults = Vec::new();

@@ -62,7 +62,7 @@ impl FrameSource for Timed {
     }
 }
 
-/// Whether there is a page.
+/// Recording with or without a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
     Viewed,
@@ -82,7 +82,7 @@ pub struct Recording {
     _dir: tempfile::TempDir,
 }
 
-/// How it went.
+/// A recording that has ended: its report, the controller's outputs, and the times away from the camera.
 pub struct Ended {
     pub report: Report,
     outputs: Vec<ControllerEvent>,
@@ -248,7 +248,7 @@ impl Ended {
     }
 }
 
-/// What the viewers got.
+/// Numbers of states and pictures that the viewers got.
 #[derive(Debug, Default)]
 pub struct Seen {
     pub states: u64,

@@ -15,7 +15,7 @@
 /// The `language` of a marked picture.
 pub const PICTURE: &str = "picture";
 
-/// What is to be done with a block.
+/// Role of a block in its session.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mark {
     /// Run it.

@@ -1,4 +1,4 @@
-//! What a page says is printed against what was printed: words equal, numbers within a tolerance.
+//! Comparison of the output on a page with the output printed: words equal, numbers within a tolerance.
 
 /// As a line: any lines; at the end of a line: the rest of it.
 const ANY: &str = "...";
@@ -43,7 +43,7 @@ pub fn compare(
     }
 }
 
-/// Whether the lines of `have` begin as `want` says; else how many do, and how the next one differs.
+/// Checks that the lines of `have` begin as `want` says; else how many do, and how the next one differs.
 fn agreeing(want: &[&str], have: &[&str], tolerance: f64) -> Result<(), (usize, String)> {
     for (k, line) in want.iter().enumerate() {
         let Some(other) = have.get(k) else {
@@ -201,7 +201,7 @@ fn value(number: &str) -> f64 {
     number.parse().unwrap_or(f64::NAN)
 }
 
-/// What one of the last digit is worth; nothing for a whole number, which was not rounded.
+/// Value of one unit of the last digit; 0 for a whole number, which was not rounded.
 fn last_digit(number: &str) -> f64 {
     let (mantissa, exponent) = match number.find(['e', 'E']) {
         Some(at) => (&number[..at], number[at + 1..].parse().unwrap_or(0)),

@@ -5,7 +5,7 @@ use super::printed::compare;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What stands before every block. 3 means that frames were lost: a loaded machine may be too slow to render in real time,
+/// Shell code before every block. 3 means that frames were lost: a loaded machine may be too slow to render in real time,
 /// and says so, and so does `doctor` of such a log. Every other code but 0 ends the block.
 const PRELUDE: &str = r#"
 exec 2>&1
@@ -23,7 +23,7 @@ hydroline() {
 /// Longest time for a block \[s\]; a command that hangs ends the test.
 const BLOCK_WITHIN_S: &str = "3600";
 
-/// What a test does otherwise than the page, because a test has neither hardware nor hands nor minutes.
+/// Replacement of a page's words in a test, because a test has neither hardware nor hands nor minutes.
 #[derive(Debug, Clone, Copy)]
 pub struct Substitution {
     /// Words of a block.
@@ -106,7 +106,7 @@ pub fn play(file: &str, session: &str, folder: &Path, substitutions: &[Substitut
     }
 }
 
-/// Whether a page's picture is the one drawn; else the one drawn is left beside the target folder's other files.
+/// Checks that a page's picture is the one drawn; else the one drawn is left beside the target folder's other files.
 fn same_picture(page: &str, picture: &str, drawn: &str, tolerance: f64) -> Result<(), String> {
     let path = root()
         .join(page)
@@ -141,7 +141,7 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What bash prints of the commands, with the built binary first in PATH.
+/// Output of the commands in bash, with the built binary first in PATH.
 pub fn run(commands: &str, folder: &Path, at: &str) -> String {
     let binary = PathBuf::from(env!("CARGO_BIN_EXE_hydroline"));
     let path = std::env::join_paths(binary.parent().map(Path::to_owned).into_iter().chain(

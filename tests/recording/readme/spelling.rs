@@ -66,7 +66,7 @@ fn of_line(line: &str) -> Vec<Call> {
         .collect()
 }
 
-/// What `--help` does not know, one sentence each.
+/// Commands and flags that `--help` does not know, one sentence each.
 pub fn misspelt(calls: &[Call]) -> Vec<String> {
     let mut helps: BTreeMap<&str, Option<BTreeSet<String>>> = BTreeMap::new();
     let mut wrong = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! How a part lies on pages of one size: cells, cut marks, and what stands below the drawing.
+//! Layout of a part on pages of one size: cells, cut marks, and the foot below the drawing.
 
 use super::{Page, Tiling, Window};
 use crate::drawing::{Layer, Shape};
@@ -13,7 +13,7 @@ const TEXT_MM: f64 = 3.0;
 /// Characters of a foot line: what an A4 page upright holds at this height.
 const FOOT_CHARACTERS: usize = 120;
 
-/// How the part lies on pages of one size.
+/// Layout of the part on pages of one size.
 pub(super) struct Layout {
     part: Window,
     size_mm: [f64; 2],
@@ -25,7 +25,6 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of this part on paper of this size.
     pub fn of(part: Window, size_mm: [f64; 2], tiling: &Tiling) -> Self {
         let room = [
             size_mm[0] - 2.0 * tiling.margin_mm,
@@ -52,7 +51,7 @@ impl Layout {
         }
     }
 
-    /// How many pages.
+    /// Number of pages.
     pub fn count(&self) -> usize {
         self.cells[0].saturating_mul(self.cells[1])
     }

@@ -25,7 +25,7 @@ type Vector = SVector<f64, PARAMETERS>;
 /// units of the focal length, far beyond real lenses; κ = 0.01 a port at an eighth of the distance.
 const PRIOR_SD: [f64; 8] = [0.3, 0.05, 0.005, 0.005, 0.005, 0.2, 0.2, 0.01];
 
-/// Which of them each model has: none, a lens, a lens and its port, all.
+/// Terms with a prior that each model has: none, a lens, a lens and its port, all.
 const MODELS: [[bool; 8]; 4] = [
     [false; 8],
     [true, false, false, false, false, false, false, true],
@@ -40,7 +40,6 @@ pub(super) struct Pair {
     pub whitener: Matrix2<f64>,
 }
 
-/// What the fit found.
 pub(super) struct Fitted {
     pub parameters: [f64; PARAMETERS],
     pub covariance: Square,
@@ -58,7 +57,6 @@ struct Solved {
     penalty: f64,
 }
 
-/// Fits from the homography `start`.
 pub(super) fn fit(start: [f64; PARAMETERS], pairs: &mut [Pair]) -> Result<Fitted, LmError> {
     let mut weights = vec![1.0; pairs.len()];
     let mut full = solve(start, pairs, &weights, &MODELS[3])?;
@@ -136,7 +134,7 @@ fn evidence(s: &Solved, model: &[bool; 8]) -> Option<f64> {
     Some(-0.5 * (chi2 + s.penalty) - half_det - priors)
 }
 
-/// How a model is fitted: a gain of 1e-5 of χ² is what the evidence of two models would notice by 0.002. The unknowns are
+/// Options of a model's fit: a gain of 1e-5 of χ² is what the evidence of two models would notice by 0.002. The unknowns are
 /// scaled already (plane and image have unit size), and priors hold what nodes do not see.
 const SEARCH: Options = Options {
     iterations_max: 200,
@@ -149,7 +147,6 @@ const SEARCH: Options = Options {
 /// A step below this in every (scaled) parameter is rounding.
 const NEGLIGIBLE: f64 = 1e-12;
 
-/// The minimum of one model.
 fn solve(
     start: [f64; PARAMETERS],
     pairs: &[Pair],
@@ -177,17 +174,15 @@ fn solve(
     })
 }
 
-/// One model and its data.
 struct Problem<'a> {
     pairs: &'a [Pair],
     weights: &'a [f64],
     model: &'a [bool; 8],
 }
 
-/// A model at a point.
 #[derive(Default)]
 struct Evaluated {
-    /// Whitened.
+    /// Whitened residuals.
     residuals: Vec<f64>,
     /// Σ (x/σ_prior)².
     penalty: f64,

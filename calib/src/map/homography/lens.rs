@@ -16,7 +16,7 @@ use crate::map::geometry::apply;
 /// h₁₁ h₁₂ h₁₃ h₂₁ h₂₂ h₂₃ h₃₁ h₃₂, k₁ k₂ k₃ p₁ p₂ c_x c_y κ.
 pub(super) const PARAMETERS: usize = 16;
 
-/// What moves the scaled pixel at which a point is seen.
+/// Derivatives of the scaled pixel at which a point is seen.
 pub(super) struct Seen {
     /// ∂(column, row)/∂(X, Y).
     pub by_point: Matrix2<f64>,
@@ -24,7 +24,7 @@ pub(super) struct Seen {
     pub by_parameters: SMatrix<f64, 2, PARAMETERS>,
 }
 
-/// What the distortion does to an undistorted place.
+/// An undistorted place after distortion, with its derivative.
 struct Distorted {
     at: Vector2<f64>,
     /// From the centre.
@@ -86,7 +86,7 @@ pub(super) fn see(x: &[f64; PARAMETERS], [a, b]: [f64; 2]) -> Option<Seen> {
     let (u, w) = flat(x, [a, b])?;
     let nearness = 1.0 / w - 1.0;
     let Distorted { d, r2, by_d, .. } = distort(x, u, nearness);
-    // What κ moves per change of 1/w.
+    // Derivative by 1/w, through κ.
     let by_nearness = d * (r2 * x[15]);
     let by_w = -(by_d * u) / w - by_nearness / (w * w);
     let mut by = SMatrix::<f64, 2, PARAMETERS>::zeros();

@@ -1,4 +1,4 @@
-//! What the effects' unit tests share: entries, a vehicle without friction, forces at one state.
+//! Fixtures of the effects' unit tests: entries, a vehicle without friction, forces at one state.
 
 use crate::effect::{EffectStack, Optics};
 use crate::fixture::lshpi_rig;
@@ -102,7 +102,7 @@ pub(in crate::effect) fn force(
     std::array::from_fn(|i| a[i] * mass[i])
 }
 
-/// What the effects add to the force.
+/// Force that the effects add.
 pub(in crate::effect) fn extra(
     entries: &[PhysicsEntry],
     state: State,
@@ -138,7 +138,7 @@ fn level(height_m: f64) -> Pose6 {
 /// The stripe of a level vehicle over a bare floor, from port to starboard.
 pub(in crate::effect) fn profile(entries: &[PhysicsEntry], height_m: f64) -> Vec<ColumnTruth> {
     let renderer = Renderer::new(&bare_rig(entries)).unwrap();
-    renderer.profile_truth(&level(height_m))
+    renderer.profile_truth(&level(height_m).into())
 }
 
 /// The stripe of a level vehicle at x over the hexagon target.
@@ -146,7 +146,7 @@ pub(in crate::effect) fn profile_over(entries: &[PhysicsEntry], x_m: f64) -> Vec
     let mut rig = lshpi_rig();
     rig.physics = entries.to_vec();
     let pose = Pose6 { x_m, ..level(0.83) };
-    Renderer::new(&rig).unwrap().profile_truth(&pose)
+    Renderer::new(&rig).unwrap().profile_truth(&pose.into())
 }
 
 #[derive(Debug, Clone, Copy)]

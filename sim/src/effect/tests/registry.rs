@@ -1,4 +1,4 @@
-//! What the registry holds is complete and agrees with itself and with the book; a message says what to write where.
+//! Completeness of the registry and its agreement with itself and with the book; messages that say what to write where.
 
 use super::super::*;
 

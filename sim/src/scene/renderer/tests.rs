@@ -61,7 +61,7 @@ fn every_pixel_is_the_integral_of_the_model() {
         let (mut worst_smooth, mut worst_edge) = (0.0f64, 0.0f64);
         let near: Vec<bool> = {
             let mut near = vec![true; WIDTH];
-            let truth = r.profile_truth(&p);
+            let truth = r.profile_truth(&p.into());
             for t in truth.iter().filter(|t| !t.near_step) {
                 near[t.column_px as usize] = false;
             }
@@ -113,7 +113,7 @@ fn the_stripe_lies_on_the_analytic_line() {
     for p in poses() {
         let view = r.view(&p);
         let clean = r.render_clean(&p);
-        for t in r.profile_truth(&p) {
+        for t in r.profile_truth(&p.into()) {
             if t.near_step || !(20.0..555.0).contains(&t.row_px) {
                 continue;
             }
@@ -230,8 +230,8 @@ fn shadows_only_take_light_away_and_only_beside_steps() {
         "{}",
         taken / total
     );
-    let truth = dark.profile_truth(&p);
-    assert!(truth.len() < lit.profile_truth(&p).len());
+    let truth = dark.profile_truth(&p.into());
+    assert!(truth.len() < lit.profile_truth(&p.into()).len());
 }
 
 #[test]
@@ -239,7 +239,7 @@ fn truth_knows_steps_fans_and_hidden_columns() {
     let r = Renderer::new(&lshpi_rig()).unwrap();
     // Sheet at X = 0.27 + 0.0: second hexagon, near its widest.
     let p = pose(0.04, 0.0, 0.83, 0.0, 0.0, 0.0);
-    let truth = r.profile_truth(&p);
+    let truth = r.profile_truth(&p.into());
     let on = |s: Surface| truth.iter().filter(|t| t.surface == s).collect::<Vec<_>>();
     let (floor, board, hexagon) = (
         on(Surface::Floor),
@@ -278,7 +278,7 @@ fn truth_knows_steps_fans_and_hidden_columns() {
     let edge = board.iter().find(|t| t.step_distance_px < 1.0).unwrap();
     assert!(edge.near_step);
     // A stripe across the board's front edge: half of its thickness on the floor, nowhere a clean middle there.
-    let at_edge = r.profile_truth(&pose(-0.2695, 0.0, 0.83, 0.0, 0.0, 0.0));
+    let at_edge = r.profile_truth(&pose(-0.2695, 0.0, 0.83, 0.0, 0.0, 0.0).into());
     assert!(
         at_edge
             .iter()
@@ -350,7 +350,11 @@ fn extreme_poses_and_bad_rigs_are_harmless() {
         Pose6::from([f64::INFINITY; 6]),
     ] {
         assert_eq!(r.render(&p, 1).0.len(), 720 * 576, "{p:?}");
-        assert!(r.profile_truth(&p).iter().all(|t| t.row_px.is_finite()));
+        assert!(
+            r.profile_truth(&p.into())
+                .iter()
+                .all(|t| t.row_px.is_finite())
+        );
     }
     let mut rig = lshpi_rig();
     rig.laser.sigma_m = 0.0;

@@ -51,7 +51,7 @@ pub struct World {
     pub period_ns: u64,
     pub present: bool,
     pub capability: Capability,
-    /// What S_FMT makes of any request; `None` = takes it.
+    /// Format that S_FMT makes of any request; `None` = takes it.
     pub format_override: Option<PixFormat>,
     pub memory_planes: u32,
     pub full_range: bool,

@@ -1,4 +1,4 @@
-//! What happens to the camera and to its frames.
+//! Events of the camera and its frames.
 
 use super::{EventKind, EventValue, Severity, kinds};
 

@@ -1,4 +1,4 @@
-//! What happens to the run as a whole: the daemon's parts, its log, its clocks, limits and calibration.
+//! Events of the run as a whole: the daemon's parts, its log, its clocks, limits and calibration.
 
 use super::{EventKind, EventValue, Severity, kinds};
 

@@ -1,4 +1,4 @@
-//! What happens between the daemon and the thruster controller.
+//! Events between the daemon and the thruster controller.
 
 use super::{EventKind, EventValue, Severity, kinds};
 

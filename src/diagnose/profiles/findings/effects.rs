@@ -26,7 +26,7 @@ pub(super) fn instead(
         .collect()
 }
 
-/// What matters most about an effect: its heaviest channel in units of the tolerance.
+/// Weight of an effect in its heaviest channel, in units of the tolerance.
 pub(super) fn heaviness(e: &Effect, rig: &Rig) -> f64 {
     e.weight
         .iter()

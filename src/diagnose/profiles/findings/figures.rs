@@ -22,12 +22,12 @@ fn by_kind(of: impl Fn(Kind) -> f64) -> BTreeMap<String, f64> {
     .collect()
 }
 
-/// What is left of each kind, strays aside \[px\].
+/// Residual rms of each kind, strays aside \[px\].
 pub(super) fn rms(fit: &Fitted) -> BTreeMap<String, f64> {
     by_kind(|kind| fit.rms_px(kind))
 }
 
-/// What the measurements' sds, floors included, let expect of it \[px\].
+/// Rms to expect of each kind by the measurements' sds, floors included \[px\].
 pub(super) fn noise(fit: &Fitted) -> BTreeMap<String, f64> {
     by_kind(|kind| {
         let own = fit.left.iter().filter(|l| l.kind == kind);

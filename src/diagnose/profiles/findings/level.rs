@@ -15,14 +15,14 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Mean residual of a part of the image that no explanation takes away \[px\], and in its own sds.
 const UNEXPLAINED_PX: f64 = 0.08;
 const UNEXPLAINED_SDS: f64 = 6.0;
-/// What a typical size of an effect must at least be worth, or these frames cannot show it.
+/// Log Bayes factor expected of an effect of typical size, below which these frames cannot show it \[nat\].
 const BLIND: f64 = 3.0;
 /// Sets that tie, shown at most.
 const SETS: usize = 6;
 /// Alternatives shown at most.
 const ALTERNATIVES: usize = 8;
 
-/// What was found, and of what.
+/// Results of the search and of the light, with the frames and the problem behind them.
 pub(super) struct Level<'a> {
     pub rig: &'a Rig,
     /// The frames as they were logged.

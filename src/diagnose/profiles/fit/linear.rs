@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Of a prior's sd: how far a shared number or one of an effect is moved for its derivative.
 const STEP: f64 = 1e-4;
-/// How far a pose is, in [`UNIT`].
+/// Step of a pose for its derivative, in [`UNIT`].
 const POSE_STEP: f64 = 1e-3;
 /// √2π.
 const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
@@ -28,7 +28,7 @@ pub(super) struct Linear {
     pub(super) rows: Vec<DVector<f64>>,
 }
 
-/// What a frame's derivatives are taken about.
+/// Geometries and shared numbers that a frame's derivatives are taken about.
 struct About<'a> {
     geometry: &'a Geometry,
     /// Geometries with one of the effects' numbers moved, and by how much.
@@ -109,7 +109,7 @@ impl Work<'_, '_> {
         let mut put = |column: usize, other: &[f64], h: f64| {
             for (k, (o, b)) in other.iter().zip(&base).enumerate() {
                 let d = (o - b) / h;
-                // What the prediction does: the residual falls as it grows.
+                // Slope of the prediction: the residual falls as it grows.
                 j[(k, column)] = if d.is_finite() { -d } else { 0.0 };
             }
         };

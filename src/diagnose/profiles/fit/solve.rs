@@ -1,4 +1,4 @@
-//! What a likelihood about a state is worth with the prior: the step, the motion priors, the floors, the evidence.
+//! Solution of a likelihood about a state with the prior: the step, the motion priors, the floors, the evidence.
 
 use super::super::evidence::{half_log_det, inverse_factor};
 use super::super::model::Kind;

@@ -15,7 +15,7 @@ const STEP: f64 = 0.5;
 const NODES: usize = 25;
 const REACH_SDS: f64 = 4.2;
 
-/// What is in the integral.
+/// Numbers that the integral depends on: tone curve, range of grey levels, saturation, read noise.
 type Key = [f64; 7];
 
 /// A camera's mean levels.

@@ -24,7 +24,7 @@ pub struct LightCandidate {
     pub info: &'static EffectInfo,
     /// Its words.
     pub words: Vec<usize>,
-    /// How each number is searched, and its prior: the motion level's.
+    /// Search scale and prior of each number: the motion level's.
     pub scales: Vec<Scale>,
     /// Natural numbers from which a search begins.
     pub starts: Vec<Vec<f64>>,

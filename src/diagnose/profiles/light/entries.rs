@@ -1,4 +1,4 @@
-//! What the light says as part of the verdict: effects, sets that tie, light of no known effect.
+//! Findings of the light as part of the verdict: effects, sets that tie, light of no known effect.
 
 use super::fit::{LightFit, SIZES};
 use super::search::Looked;

@@ -5,10 +5,9 @@ use super::forward::{AMBIENTS, Fields, Forward, GAINS, Own, Uncertain};
 use super::options::LightOptions;
 use super::samples::{Bin, LightFrame};
 use crate::profiles::candidate::Base;
-use hydroline_numerics::cancel;
+use hydroline_numerics::{cancel, parallel};
 use hydroline_rigs::Rig;
 use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, SVector, Vector2};
-use rayon::prelude::*;
 
 /// Numbers of [`Uncertain`].
 pub(super) const NUISANCES: usize = 5 + GAINS + AMBIENTS;
@@ -26,7 +25,7 @@ const PHASES_ALONE: usize = 24;
 /// √2π.
 const TAU_ROOT: f64 = 2.506_628_274_631_000_2;
 
-/// What all models are judged on.
+/// Frames, candidates and options that all models are judged on.
 pub(super) struct Data<'a> {
     pub rig: &'a Rig,
     pub base: &'a Base,
@@ -42,15 +41,15 @@ pub(super) struct Data<'a> {
 /// Numbers of a model, in units of their priors.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct State {
-    /// Candidates.
+    /// Candidates in the model, by index.
     pub terms: Vec<usize>,
     /// As the candidates' scales have them.
     pub numbers: Vec<Vec<f64>>,
     pub nuisance: [f64; NUISANCES],
     pub own: Vec<[f64; OWN]>,
-    /// Which size each field has.
+    /// Place of each field's size in the table of sizes.
     pub sizes: [usize; 2],
-    /// What samples may be off beyond noise and floors, far from the mode \[grey levels\].
+    /// Extra sd of the samples beyond noise and floors while the state is far from the mode, else 0 \[grey levels\].
     pub spread_grey: f64,
 }
 
@@ -62,11 +61,11 @@ pub(super) struct Equations {
     /// Half the log determinants of the frames' own.
     pub half_log_own: f64,
     own: Vec<OwnStep>,
-    /// What is left of the samples, over their sds; strays' responsibility beside it.
+    /// Residuals of the samples, each with the probability that it belongs.
     pub left: Vec<Left>,
 }
 
-/// What is left of a sample.
+/// Residual of a sample.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Left {
     pub on_line: bool,
@@ -74,7 +73,7 @@ pub(super) struct Left {
     pub off: f64,
     /// Variance by noise alone \[grey levels²\].
     pub noise: f64,
-    /// What the floor is counted in.
+    /// Unit of the floor: the stripe's brightness near the sample \[grey levels\]; 1 in the background.
     pub scale: f64,
     /// Probability that it belongs.
     pub belongs: f64,
@@ -185,15 +184,24 @@ impl Data<'_> {
         Some(moved)
     }
 
+    /// Results of a job for each frame with its own numbers.
+    fn each<T: Send>(
+        &self,
+        state: &State,
+        job: impl Fn(&LightFrame, &[f64; OWN]) -> T + Sync,
+    ) -> Vec<T> {
+        let frames: Vec<_> = self.frames.iter().zip(&state.own).collect();
+        parallel::map_slice(&frames, |(frame, own)| job(frame, own))
+    }
+
     /// log likelihood alone.
     pub fn value(&self, state: &State) -> Option<f64> {
         let forward = self.forward(state, None)?;
-        let each = self.frames.par_iter().zip(&state.own);
-        let values = each.map(|(f, own)| {
+        let values = self.each(state, |f, own| {
             self.frame(f, own, &forward, (&[], state.spread_grey), false)
                 .value
         });
-        let sum: f64 = values.collect::<Vec<_>>().iter().sum();
+        let sum: f64 = values.iter().sum();
         sum.is_finite().then_some(sum)
     }
 
@@ -202,10 +210,9 @@ impl Data<'_> {
         let forward = self.forward(state, None)?;
         let moved = self.moved(state, &forward)?;
         let timed = self.timed(&forward);
-        let each = self.frames.par_iter().zip(&state.own);
-        let frames: Vec<Frame> = each
-            .map(|(f, own)| self.frame(f, own, &forward, (&moved, state.spread_grey), true))
-            .collect();
+        let frames = self.each(state, |f, own| {
+            self.frame(f, own, &forward, (&moved, state.spread_grey), true)
+        });
         let n = moved.len() + GAINS + AMBIENTS;
         let mut sum = Equations {
             value: 0.0,
@@ -343,10 +350,7 @@ impl Data<'_> {
         if !self.timed(&forward) {
             return Some(state);
         }
-        let each = self.frames.par_iter().zip(&state.own);
-        state.own = each
-            .map(|(f, own)| self.phase_of(f, own, &forward, count))
-            .collect();
+        state.own = self.each(&state, |f, own| self.phase_of(f, own, &forward, count));
         Some(state)
     }
 

@@ -18,7 +18,7 @@ const SHARES: [f64; 5] = [1.0, 0.5, 0.2, 0.06, 0.02];
 /// A fit of one model.
 #[derive(Debug, Clone)]
 pub struct LightFit {
-    /// Candidates.
+    /// Candidates in the model, by index.
     pub terms: Vec<usize>,
     /// Natural numbers of each.
     pub numbers: Vec<Vec<f64>>,

@@ -20,7 +20,7 @@ const DEGREE: usize = 7;
 /// Coefficients of the background's field: all products up to that degree but for the constant.
 pub(super) const AMBIENTS: usize = (DEGREE + 1) * (DEGREE + 2) / 2 - 1;
 
-/// What is uncertain about the rig, in natural units.
+/// Uncertain numbers of the rig, in natural units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Uncertain {
     /// ln of the sheet's thickness over the rig's.
@@ -58,7 +58,7 @@ pub(super) struct Own {
     pub brightness: f64,
     /// Background \[grey levels\].
     pub background: f64,
-    /// How fast surfaces rise ahead in the body's frame: the tangent of the pitch, of the floor's slope.
+    /// Slope of surfaces ahead in the body's frame: the tangent of the pitch, of the floor's slope.
     pub rise: f64,
     /// When its first row is, on the clock of the lamps \[s\].
     pub lamp_s: f64,
@@ -75,7 +75,7 @@ pub(super) struct Forward {
     uncertain: Uncertain,
 }
 
-/// What makes up the two fields at a pixel.
+/// Basis functions of the two fields at a pixel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fields {
     /// Of the laser's brightness.
@@ -161,7 +161,7 @@ impl Forward {
         (1.0 + own.rise * run).max(SHORTEST).recip()
     }
 
-    /// What a row more makes of the distance ahead of the sheet at the stripe's middle \[m\].
+    /// Distance ahead of the sheet that one row more adds at the stripe's middle \[m\].
     fn per_row_m(s: &Sample, own: &Own) -> f64 {
         let (per_row_m, run) = s.middle;
         per_row_m * Self::shorter(run, own)
@@ -196,7 +196,7 @@ impl Forward {
         light + self.haze(&self.optics, s, own, down_px)
     }
 
-    /// What light of 1 on a floor straight below is at a sample \[grey levels\].
+    /// Brightness at a sample of light that is 1 on a floor straight below \[grey levels\].
     pub fn brightness(&self, s: &Sample, own: &Own) -> f64 {
         let water = (-self.optics.attenuation_pm * s.way_m).exp();
         let field = 1.0 + self.gain(s);

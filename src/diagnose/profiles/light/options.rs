@@ -1,4 +1,4 @@
-//! What the look at the light is set to: each number with its reason.
+//! Settings of the look at the light: each number with its reason.
 
 /// Options of the light level.
 #[derive(Debug, Clone, Copy, PartialEq)]

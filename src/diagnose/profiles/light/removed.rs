@@ -57,7 +57,7 @@ impl Looked<'_> {
     }
 }
 
-/// What is added to a level before its fraction is cut off, 0…1, another at each pixel. Rounding would not do: where the
+/// Dither added to a level before its fraction is cut off, 0…1, another at each pixel. Rounding would not do: where the
 /// light changes by a per cent over hundreds of columns it makes the same level of the same level along the line, whole
 /// stripes half a level off at some levels, and so wider or narrower by five times what their poses' sds allow.
 fn dither(pixel: usize) -> f64 {
@@ -73,7 +73,7 @@ struct Taken<'a, 'b> {
     geometry: &'a Geometry,
     /// All effects found.
     forward: &'a Forward,
-    /// What is taken off.
+    /// Optics with the effects that are taken off.
     removed: Optics,
     /// The rig's own.
     plain: Optics,

@@ -27,16 +27,16 @@ pub(super) struct Sample {
     pub slope: f64,
     /// Distance ahead of the sheet \[m\].
     pub off_m: f64,
-    /// How much farther ahead of the sheet its ray is per metre that it comes down.
+    /// Metres that its ray gains ahead of the sheet per metre that it comes down.
     pub run: f64,
-    /// What a row more makes of the distance at the stripe's middle \[m\], and the run of that ray. Over a stripe's rows
+    /// Distance ahead of the sheet that one row adds at the stripe's middle \[m\], and the run of that ray. Over a stripe's rows
     /// both change: a Gaussian sheet is no Gaussian stripe.
     pub middle: (f64, f64),
     /// Tangent of the angle from the fan's middle, starboard positive.
     pub fan_tan: f64,
     /// From the laser to the surface and on to the camera \[m\].
     pub way_m: f64,
-    /// What makes up the fields there.
+    /// Basis functions of the fields there.
     pub fields: Fields,
 }
 
@@ -60,7 +60,7 @@ pub(super) struct LightFrame {
 #[derive(Debug, Clone, Copy)]
 struct Place {
     at_m: Vector3<f64>,
-    /// How much deeper the surface is per metre to starboard: as the stripe runs there.
+    /// Fall of the surface per metre to starboard: as the stripe runs there.
     fall: f64,
     fan_tan: f64,
     way_m: f64,

@@ -11,19 +11,19 @@ use crate::profiles::observe::ImageRun;
 use crate::verdict::ESTABLISHED;
 use hydroline_inference::posterior::{Marginal, marginals};
 use hydroline_inference::prior::PriorTable;
+use hydroline_numerics::parallel;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::CheckedEffect;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Change of a floor that is worth another search.
 const FLOOR_CHANGE: f64 = 1.25;
-/// What samples may be off at a first look's first steps \[grey levels\].
+/// Extra sd of the samples at the first steps of a first look that begins far off \[grey levels\].
 const NEAR_GREY: [f64; 1] = [5.0];
 /// Gain of log score that is progress \[nat\].
 const PROGRESS: f64 = 0.1;
 
-/// What the light says.
+/// Result of a look at the light.
 pub struct Looked<'a> {
     pub(super) data: Data<'a>,
     /// Models visited, likeliest first.
@@ -127,7 +127,7 @@ pub fn look<'a>(
     searched(data(runs, rig, base, geometry)?, others, progress)
 }
 
-/// What all models are judged on.
+/// Data that all models are judged on; `None` where too few frames show the light.
 fn data<'a>(
     runs: &[ImageRun],
     rig: &'a Rig,
@@ -306,7 +306,7 @@ fn dropped(state: &State, k: usize) -> State {
     state
 }
 
-/// What a few steps on a few samples gain from each candidate's starts: the best of each, most gaining first.
+/// Starts that gain in a few steps on a few samples: the best of each candidate, most gaining first.
 fn gaining_starts(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let in_use = |c: &LightCandidate| {
         best.terms
@@ -327,14 +327,12 @@ fn gaining_starts(few: &Data<'_>, best: &LightFit) -> Vec<Start> {
     let Some(now) = few.fit(&best.state, few.options.steps.0) else {
         return Vec::new();
     };
-    let mut found: Vec<(f64, Start)> = tries
-        .par_iter()
-        .filter_map(|start| {
-            let fit = few.fit_from(&added(&now.state, start), few.options.steps.0, &NEAR_GREY)?;
-            let numbers = fit.state.numbers.last()?.clone();
-            Some((fit.ln_evidence - now.ln_evidence, (start.0, numbers)))
-        })
-        .collect();
+    let found = parallel::map_slice(&tries, |start| {
+        let fit = few.fit_from(&added(&now.state, start), few.options.steps.0, &NEAR_GREY)?;
+        let numbers = fit.state.numbers.last()?.clone();
+        Some((fit.ln_evidence - now.ln_evidence, (start.0, numbers)))
+    });
+    let mut found: Vec<(f64, Start)> = found.into_iter().flatten().collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut seen = BTreeSet::new();
     found.retain(|(gain, (t, _))| {
@@ -358,7 +356,7 @@ fn few<'a>(data: &Data<'a>) -> Data<'a> {
     }
 }
 
-/// What samples scatter beyond their noise: across the stripe over its brightness, and in the background \[grey levels\].
+/// Scatter of the samples beyond their noise: across the stripe over its brightness, and in the background \[grey levels\].
 fn floors(data: &Data<'_>, left: &[Left]) -> [f64; 2] {
     let of = |on_line: bool| {
         let mut sums = (0.0, 0.0);

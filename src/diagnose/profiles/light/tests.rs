@@ -33,7 +33,7 @@ fn frames(rig: &Rig, effects: &[(&str, &[(&str, f64)])]) -> ImageRun {
     from_images("frames", &[], images.collect(), rig, None, 3).unwrap()
 }
 
-/// What is found, with its first number; and what was asked.
+/// Effects found, each with its first number and the sd of that; and the ids of those asked.
 fn found(effects: &[(&str, &[(&str, f64)])]) -> (Vec<(&'static str, f64, f64)>, Vec<&'static str>) {
     let rig = Rig::builtin("lshpi").unwrap();
     let base = Base::new(&rig).unwrap();

@@ -129,7 +129,7 @@ impl Steps<'_> {
         let dt_s = self.dt_s(i);
         let longest_s = options.gap_steps * self.usual_s;
         let gap = time_s > longest_s;
-        // What comes back at once is pushed twice as hard on its way back.
+        // A value that returns at once is pushed twice as hard on its way back.
         let turn = if i + 1 < series.values.len() && series.time_s(i, i + 1) <= longest_s {
             (self.rate(i + 1) - self.rate(i)).abs()
         } else {

@@ -69,7 +69,7 @@ pub(super) fn zeros(place: usize, zero: f64, series: &Series<'_>, limit: f64, ou
     }
 }
 
-/// What else of a lost body is 0 in the same rows, however near to 0 it was: (place, rows) and what is said of it.
+/// Other channels of a lost body that are 0 in the same rows, however near to 0 they were: (place, rows), and findings.
 pub(in crate::check) fn of_the_same_body(
     lost: &[(usize, Range<usize>)],
     zero: impl Fn(usize) -> f64,

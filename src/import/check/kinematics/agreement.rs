@@ -10,7 +10,7 @@ pub(super) struct Pair {
     pub coarse: f64,
 }
 
-/// What is compared with what, over many spans.
+/// Means, variances and covariances of the pose's rate and of the measured rate over many spans.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Agreement<'a> {
     pub options: &'a Options,
@@ -25,7 +25,6 @@ pub(super) struct Agreement<'a> {
     both_coarse: f64,
 }
 
-/// What it says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Verdict {
     /// Neither moves beyond noise.

@@ -173,8 +173,8 @@ pub(super) struct Distances {
     /// Between it and the velocities as the map has them, and the other way.
     pub own: f64,
     pub other: f64,
-    /// What noise alone makes.
+    /// Of noise alone.
     pub noise: f64,
-    /// What half the samples change.
+    /// Between the velocities by all samples and by every second one.
     pub unresolved: f64,
 }

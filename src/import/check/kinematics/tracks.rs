@@ -25,7 +25,7 @@ pub(super) struct Tracks<'a> {
     pub(super) rates: Vec<Option<Rate>>,
 }
 
-/// What a comparison takes: sums of the measured vector, by all and by half the samples.
+/// Running sums of a measured vector for a comparison: by all samples, and by every second one.
 pub(super) struct Vector {
     pub(super) fine: [Sum; 3],
     pub(super) coarse: [Sum; 3],
@@ -103,7 +103,7 @@ impl<'a> Tracks<'a> {
         })
     }
 
-    /// What the pose's neighbours make of a rate along the body that is not measured.
+    /// Velocity along the body by the difference between the neighbouring rows' positions, for an axis that is not measured.
     fn derived(&self, i: usize) -> [f64; 3] {
         let (a, b) = (i.saturating_sub(1), (i + 1).min(self.times_s.len() - 1));
         let step_s = self.times_s[b] - self.times_s[a];

@@ -13,7 +13,7 @@ const ORIENTATION: [&str; 4] = [
     "orientation.z",
     "orientation.w",
 ];
-/// What a message of so many numbers may be, from the column of the first on.
+/// Messages that so many numbers may be, from the column of the first on.
 fn open(numbers: usize, first: usize) -> Vec<Proposal> {
     let motion = |from: usize, unit: &'static str| -> Vec<(String, &'static str, usize)> {
         (0..3)

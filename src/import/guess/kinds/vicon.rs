@@ -107,7 +107,7 @@ pub(super) fn vicon(head: &Head) -> Option<Shape> {
     Some(found)
 }
 
-/// How a file of Vicon's writes orientations.
+/// Form of the orientations in a file of Vicon's.
 enum Rotations {
     None,
     Vector,

@@ -1,4 +1,4 @@
-//! What a column is, by its name and by the unit that is written beside it.
+//! Meaning of a column by its name and by the unit that is written beside it.
 //!
 //! A name may mean several things: x is a place, a speed or a load. The written unit's dimension decides between them;
 //! where nothing that the name can mean has that dimension, the column is no channel.
@@ -13,21 +13,19 @@ use Meaning::{
     Along, Angle, Channel, Companion, Depth, Ground, Height, Load, Quaternion, Thruster, Velocity,
 };
 
-/// What unit texts say when they say that there is none.
+/// Unit texts that mean no unit.
 const NO_UNIT: [&str; 4] = ["", "-", "[]", "1"];
 /// A column's meaning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::guess) enum Column {
-    /// What it is.
     Is(Meaning),
-    /// What its name says is not measured in its unit.
+    /// The written unit is not of the quantity that the name says.
     OtherUnit,
     /// A wished-for value beside the measured one.
     Wished,
 }
 
 impl Column {
-    /// The meaning, where there is one.
     pub fn is(self) -> Option<Meaning> {
         match self {
             Column::Is(m) => Some(m),
@@ -42,7 +40,6 @@ pub(in crate::guess) fn unit_text(named: &Named) -> Option<&str> {
     own.filter(|u| !NO_UNIT.contains(u))
 }
 
-/// The column's meaning by name and unit.
 pub(in crate::guess) fn column(named: &Named) -> Column {
     let by_name = meaning(&named.name, &named.group);
     let Some(unit) = unit_text(named) else {
@@ -94,7 +91,7 @@ fn is_measured(m: Meaning) -> bool {
     )
 }
 
-/// What the name means in a unit of that dimension.
+/// Meaning of the name in a unit of that dimension.
 fn of_dimension(by_name: Meaning, d: Dimension, own: &[String]) -> Option<Meaning> {
     let last = own.last().map_or("", String::as_str);
     let along_axis = matches!(last, "x" | "y" | "z" | "tx" | "ty" | "tz");

@@ -3,10 +3,10 @@
 /// Names that are listed for one reason.
 const NAMES_LISTED: usize = 8;
 
-/// Why a column is not mapped.
+/// Reason why a column is not mapped.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Why {
-    /// What its name may mean is not measured in its unit; empty = in none.
+    /// Its unit is not of the quantity that its name may mean; empty = no unit.
     Unit(String),
     Wished,
     /// Angles about x, y and z.

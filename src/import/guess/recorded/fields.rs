@@ -1,9 +1,8 @@
-//! What the fields of known kinds of messages are.
+//! Meaning of the fields of known kinds of messages.
 
 use super::super::meaning::{Meaning, meaning};
 use crate::recorded::TopicContents;
 
-/// What a field is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum What {
     /// Place, whether its axis is reversed against ours, whether it is along the tank's axes (`None` = not known).

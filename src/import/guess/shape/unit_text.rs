@@ -1,4 +1,4 @@
-//! Whether a text in a head is a unit.
+//! Recognition of units in a head.
 
 use crate::unit::{self, UNITS};
 

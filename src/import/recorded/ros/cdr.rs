@@ -88,12 +88,11 @@ impl<'a> Cdr<'a> {
         let length = self.length()?;
         let bytes = self.take(length)?;
         let bytes = bytes.strip_suffix(&[0]).unwrap_or(bytes);
-        // What is no UTF-8 is no name of a frame either.
+        // Text that is no UTF-8 is no name of a frame either.
         Ok(std::str::from_utf8(bytes).unwrap_or(""))
     }
 }
 
-/// The fields of a message.
 pub(crate) fn decode(
     definition: &Definition,
     message: &[u8],

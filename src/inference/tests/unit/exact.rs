@@ -3,10 +3,10 @@
 //! Against the Laplace approximation it asks for curvature, skewness and sizes that go with the numbers; a second mode far
 //! away it does not see.
 
+use hydroline_numerics::parallel;
 use nalgebra::{Cholesky, DVector};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{ChiSquared, Distribution, StandardNormal};
-use rayon::prelude::*;
 
 use crate::fit::{Fit, Problem};
 use crate::hyper::{Cell, Cells, filters, ln_prior, ln_sum};
@@ -92,10 +92,7 @@ fn integral(problem: &Problem, fit: &Fit, draws: usize, seed: u64) -> (f64, f64)
             (point, ln_q)
         })
         .collect();
-    let weights: Vec<f64> = points
-        .par_iter()
-        .map(|(point, ln_q)| ln_posterior(point) - ln_q)
-        .collect();
+    let weights = parallel::map_slice(&points, |(point, ln_q)| ln_posterior(point) - ln_q);
     let squares: Vec<f64> = weights.iter().map(|w| 2.0 * w).collect();
     let (one, two) = (ln_sum(&weights), ln_sum(&squares));
     (one - (draws as f64).ln(), (2.0 * one - two).exp())

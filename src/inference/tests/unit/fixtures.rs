@@ -7,11 +7,11 @@ use hydroline_sim::trajectory::Trajectory;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
-/// What moves and is measured.
+/// Vehicle, effects and instruments of simulated runs.
 pub struct Tank {
     pub rig: Rig,
     pub effects: Vec<PhysicsEntry>,
-    /// Which DOFs are commanded.
+    /// DOFs that are commanded.
     pub driven: Vec<usize>,
     /// Factor on the largest command.
     pub load: f64,

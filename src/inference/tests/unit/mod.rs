@@ -1,4 +1,4 @@
-//! What the tests of this room share, and the evidence of a fit against the integral itself.
+//! Fixtures that the tests of this crate share, and the evidence of a fit against the integral itself.
 
 mod exact;
 pub(crate) mod fixtures;

@@ -3,8 +3,9 @@
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry};
 use rand::{RngExt, rngs::StdRng};
 
-use super::make::{LARGEST, between};
+use super::make::LARGEST;
 use crate::benchmark::error::ProveError;
+use crate::benchmark::magnitudes::{between, sign};
 
 /// Effects of the cases, drawn as often as each other: by hand, as [`crate::benchmark::magnitudes`]. Held are those that matter:
 /// `cubic_damping` seldom, of which the vehicle's own coefficients leave a tolerance only near its largest.
@@ -25,10 +26,6 @@ pub(super) const KINDS: [&str; 15] = [
     "lift_damping",
     "cross_flow_coupling",
 ];
-
-fn sign(rng: &mut StdRng) -> f64 {
-    if rng.random::<bool>() { 1.0 } else { -1.0 }
-}
 
 /// Numbers by name, words by name.
 type Sized = (Vec<(&'static str, f64)>, Vec<(&'static str, &'static str)>);

@@ -1,4 +1,4 @@
-//! How a coupled case is made.
+//! Makes coupled cases.
 
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::Source;
@@ -7,16 +7,16 @@ use hydroline_sim::VehicleState;
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::trajectory::{Trajectory, TrajectoryError};
 use nalgebra::{DMatrix, DVector};
-use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::drawn::drawn;
 use crate::benchmark::disturbance::Disturbance;
 use crate::benchmark::error::ProveError;
+use crate::benchmark::magnitudes::between;
 
 /// Runs of a case, and their length \[s\].
 const RUNS: usize = 4;
-/// See there.
 const RUN_S: f64 = 24.0;
 /// Samples per second.
 const RATE_HZ: f64 = 25.0;
@@ -34,7 +34,7 @@ const ATTITUDE_RAD: f64 = 1.745e-4;
 pub(super) const LARGEST: [f64; 6] = [8.0, 6.0, 0.0, 0.0, 0.0, 0.6];
 /// Smallest weight of a drawn effect, in tolerances: it surely matters.
 const SMALLEST_WEIGHT: f64 = 1.3;
-/// Greatest.
+/// Greatest weight, likewise.
 const MOST: f64 = 40.0;
 /// Draws before a case is given up.
 const TRIES: usize = 40;
@@ -57,13 +57,13 @@ impl There {
     }
 }
 
-/// What a case's log holds.
+/// Measurements that a case's log holds.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, schemars::JsonSchema, serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Instruments {
-    /// Poses.
+    /// Poses at the full rate.
     Poses,
     /// Poses, a fifth as often.
     Slow,
@@ -88,7 +88,6 @@ impl Instruments {
         }
     }
 
-    /// The six channels that it measures.
     fn measured(self) -> [Channel; 6] {
         match self {
             Instruments::Velocities => Channel::RATES,
@@ -100,11 +99,11 @@ impl Instruments {
 /// A case.
 #[derive(Debug, Clone)]
 pub struct CoupledCase {
-    /// Number.
+    /// Number of the case.
     pub index: usize,
-    /// What the logs hold.
+    /// Measurements that the logs hold.
     pub instruments: Instruments,
-    /// Logs.
+    /// Logs that the diagnosis sees.
     pub sources: Vec<Source>,
     /// The rig file.
     pub rig: Rig,
@@ -112,11 +111,6 @@ pub struct CoupledCase {
     pub rig_factor: f64,
     /// The key, heaviest first.
     pub truth: Vec<There>,
-}
-
-/// Evenly between.
-pub(super) fn between(rng: &mut StdRng, low: f64, high: f64) -> f64 {
-    low + (high - low) * rng.random::<f64>()
 }
 
 /// Steps, ramps of small steps and reversals in all three at their own times.
@@ -171,11 +165,10 @@ fn motion(
 struct Runs<'a> {
     commands: &'a [Vec<Command>],
     stamps_s: &'a [f64],
-    /// The six channels measured.
     measured: [Channel; 6],
 }
 
-/// What is measured of all runs in tolerances, end to end; `None` where a motion does not stay finite.
+/// Measured channels of all runs in tolerances, end to end; `None` where a motion does not stay finite.
 fn all(rig: &Rig, runs: &Runs<'_>) -> Result<Option<DVector<f64>>, ProveError> {
     let tolerance = rig.tolerance.channels();
     let mut made = Vec::new();
@@ -302,7 +295,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             .map(|(e, w)| there(e, *w))
             .collect();
         truth.sort_by(|a, b| b.weight_tolerances.total_cmp(&a.weight_tolerances));
-        // What the analyst's rig says: every fourth is off by up to five.
+        // Every fourth of the analyst's rigs is off by up to five.
         let rig_factor = match index % 4 {
             3 => 5f64.powf(between(&mut rng, -1.0, 1.0)),
             _ => 1.0,
@@ -365,7 +358,7 @@ fn there(entry: &PhysicsEntry, weight_tolerances: f64) -> There {
     }
 }
 
-/// What a log is made of.
+/// Truth and instruments that a log is made from.
 struct Log<'a> {
     water: &'a Rig,
     instruments: Instruments,

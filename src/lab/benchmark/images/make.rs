@@ -35,7 +35,6 @@ pub const EFFECTS: [&str; 14] = [
 /// Truth of a case without an effect.
 pub const NONE: &str = "none";
 
-/// Plans of the two runs.
 const PLANS: [&str; 2] = ["reversals", "two-tone"];
 /// Frames of each run.
 const FRAMES: usize = 26;
@@ -47,15 +46,15 @@ const TOP_N: f64 = 24.0;
 /// A case.
 #[derive(Debug, Clone)]
 pub struct ImageCase {
-    /// Number.
+    /// Number of the case.
     pub index: usize,
-    /// What the diagnosis may see: the rig file ...
+    /// The rig file, for the diagnosis to see ...
     pub rig: Rig,
     /// ... and the logs' frames and commands.
     pub runs: Vec<ImageRun>,
     /// The effects that are there.
     pub truth: Vec<PhysicsEntry>,
-    /// What the one that moves a pose most does to it.
+    /// Shift of a pose by the effect that moves it most.
     pub moved: Moved,
     /// Poses that the camera saw, run by run.
     pub poses: Vec<Poses>,

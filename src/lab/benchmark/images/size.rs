@@ -1,4 +1,4 @@
-//! How far an effect moves the pose that a frame gives, in that pose's own standard deviations.
+//! Shift of a frame's pose by an effect, in that pose's own standard deviations.
 
 use hydroline_calib::IdealMap;
 use hydroline_core::frame::GreyImage;

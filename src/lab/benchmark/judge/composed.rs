@@ -24,7 +24,6 @@ const ENDS: usize = 3;
 /// Surge rate at which a force of place that goes with the rate is compared \[m/s\].
 const RATE_MPS: f64 = 0.1;
 
-/// Twice the load of a step.
 fn doubled(step: &PlanStep) -> PlanStep {
     match &step.load {
         StepLoad::Wrench(w) => PlanStep {
@@ -117,7 +116,7 @@ fn off(law: &Composed, knots: &[f64], form: &ClosedForm) -> f64 {
     inner.fold(0.0_f64, |m, g| m.max((g - mean).abs())) / largest
 }
 
-/// What is asked of such a case beside the word.
+/// Adds the requirements of such a case beside the word.
 pub(super) fn ask(case: &Case, made: &Diagnosis, judged: &mut Judged) -> Result<(), ProveError> {
     let Some(ExternalLaw::Composed(law)) = case.key.tank.external_law else {
         return Ok(());

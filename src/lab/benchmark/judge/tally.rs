@@ -38,7 +38,7 @@ pub struct SumFound {
     pub main: bool,
 }
 
-/// What counts once: an effect, or a set that the data cannot split.
+/// Unit that counts once: an effect, or a set that the data cannot split.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Counted {
     /// Its name, `a + b` of a set.
@@ -47,7 +47,7 @@ pub struct Counted {
     pub weight_m: f64,
     /// Of practical size.
     pub main: bool,
-    /// Found.
+    /// Whether it was found.
     pub hit: bool,
     /// Weight found \[m\]; `None` where another name stands for it.
     pub found_m: Option<f64>,
@@ -66,7 +66,7 @@ pub fn weight_right(found_m: f64, weight_m: f64) -> bool {
 }
 
 impl Tally {
-    /// What is there over [`SCORED_M`], each set that the data cannot split once.
+    /// Effects there over [`SCORED_M`], each set that the data cannot split once.
     pub fn counted(&self) -> Vec<Counted> {
         let within = |id: &String| self.sums.iter().any(|s| s.effects.contains(id));
         let alone = self.there.iter().filter(|e| !within(&e.0));
@@ -153,7 +153,7 @@ pub(super) fn compare(
     let known = |id: &str| in_key(truth, id);
     let in_sets = |id: &str| equivalent.iter().any(|s| s.iter().any(|e| e == id));
     let weight_of = |id: &str| found.iter().find(|f| f.0 == id).map(|f| f.1);
-    // What was found of a sum, by its own name or by the other delay's.
+    // An effect is of a sum by its own name or by the other delay's.
     let of_sum = |s: &Sum, f: &str| s.holds(f) || twin(truth, f, &all).is_some_and(|t| s.holds(t));
     let in_sum = |f: &str| sums.iter().any(|s| of_sum(s, f));
     let mut there = Vec::new();
@@ -346,7 +346,7 @@ mod tests {
         };
         assert_eq!(heaviest(&seen, &sums, &Declared::default()), Some(true));
         assert_eq!(heaviest(&seen, &[], &Declared::default()), Some(false));
-        // What stands for the current is not the heaviest for that.
+        // The effect named for the current is not the heaviest for that.
         let instead = found(&[
             ("force", 2.5),
             ("thruster_lag", 2.4),

@@ -1,6 +1,6 @@
-//! What counts, and from where on two effects are apart.
+//! Weight from which an effect counts, and log evidence from which two effects are apart.
 
-/// What is lighter is not scored effect by effect \[m\].
+/// Weight below which an effect is not scored by itself \[m\].
 pub const SCORED_M: f64 = 0.5e-3;
 /// Log evidence (a factor of 20) below which the data at their true noise cannot part two effects.
 pub const SPLIT: f64 = 3.0;

@@ -3,13 +3,13 @@
 use super::{CameraResponse, OF_RUN, OfRun, OfRun2, PRIOR_SD, diagonal, of_constants};
 use hydroline_rigs::StatedResponse;
 
-/// What is stated for certain counts as known to this: beyond it, it moves no grey level by a tenth \[1, grey levels\].
+/// Least sd of stated values, that of certain ones: such an error moves no grey level by a tenth \[1, grey levels\].
 const CERTAIN_SD: [f64; 2] = [1e-4, 0.01];
 
 /// Mean and covariance before any frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponsePrior {
-    /// What is held before a frame is looked at.
+    /// Mean before a frame is looked at.
     pub(in super::super) mean: OfRun,
     /// Inverse of the covariance.
     pub(in super::super) information: OfRun2,
@@ -36,7 +36,7 @@ impl ResponsePrior {
         }
     };
 
-    /// What a rig states of its camera; for the rest the prior of typical cameras and lines.
+    /// Prior of a camera as the rig states it; for the rest that of typical cameras and lines.
     pub fn of_rig(stated: Option<&StatedResponse>) -> ResponsePrior {
         let mut of = ResponsePrior::OF_CAMERAS;
         let Some(stated) = stated else {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Step by which the attitude's derivatives are taken \[rad\].
 const STEP_RAD: f64 = 1e-6;
 
-/// What a run has shown of the sheet.
+/// Sheet as a run has shown it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::joint) struct Sheet {
     /// Thickness with its sd \[m\].

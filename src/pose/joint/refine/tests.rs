@@ -1,9 +1,9 @@
 //! A run seen by a rig whose sheet differs from its file.
 
 use super::*;
+use crate::fixture::lshpi_rig;
 use hydroline_calib::IdealMap;
 use hydroline_rigs::{ParameterValue, PhysicsEntry};
-use hydroline_sim::fixture::lshpi_rig;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig};
 
@@ -158,7 +158,7 @@ fn poses_under_what_was_refined_are_those_of_the_true_sheet() {
         for i in 0..6 {
             let off = fit.pose.to_array()[i] - truth.to_array()[i];
             let sd = fit.covariance[(i, i)].sqrt();
-            // What the tilts' own sds move is not in it: a sheet rotated about the vertical by ε shows as a
+            // The covariance lacks the tilts' own sds: a sheet rotated about the vertical by ε shows as a
             // roll of about 1.4 ε and a place beside of 1.2 m ε.
             let pitch = [1.0, 0.3, 0.3, 1.0, 1.0, 1.0][i] * found.covariance[(0, 0)].sqrt();
             let yaw = [0.0, 1.2, 0.0, 1.4, 0.0, 1.0][i] * found.covariance[(1, 1)].sqrt();

@@ -78,7 +78,7 @@ impl Bench {
     }
 }
 
-/// What a rig states of a light's camera: right within its sds.
+/// Response that a rig states of a light's camera: right within its sds.
 fn stated(light: &Light, rng: &mut StdRng) -> StatedResponse {
     let mut off = |sd: f64| {
         let of: f64 = StandardNormal.sample(rng);

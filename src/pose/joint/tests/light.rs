@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 /// Noise of the sensor \[grey levels\].
 pub(super) const NOISE_SD: f64 = 1.5;
 
-/// What light and camera do to a frame: numbers as in `cases/images/light`, drawn at random.
+/// Effects of light and camera on a frame: numbers as in `cases/images/light`, drawn at random.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Light {
     /// Light × (1 − s q), q = 0 on the axis, 1 in the corners.

@@ -308,3 +308,29 @@ fn quality_bits_say_what_was_done() {
         quality::HAZE_CORRECTED
     );
 }
+
+#[test]
+fn bound_matches_the_textbook_for_wide_stripes() {
+    // (n/A) sqrt(2 s / sqrt(pi)); the pixel's own 1/12 px² raises it a little.
+    let textbook =
+        (16.0f64 + 1.0 / 12.0).sqrt() / 60.0 * (2.0 * 3.0 / std::f64::consts::PI.sqrt()).sqrt();
+    let ratio = row_bound_px(3.0, 60.0, 4.0, 0.2) / textbook;
+    assert!((1.0..1.02).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn the_frame_depends_on_the_seed_alone() {
+    let a = StripeImage {
+        width_px: 30,
+        height_px: 20,
+        ..Default::default()
+    };
+    assert_eq!(render(&a), render(&a));
+    assert_ne!(
+        render(&a),
+        render(&StripeImage {
+            seed: 1,
+            ..a.clone()
+        })
+    );
+}

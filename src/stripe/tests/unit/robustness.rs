@@ -1,7 +1,7 @@
 //! Frames that hold no stripe, or more than one: what must never go wrong.
 
 use crate::synthetic::{StripeImage, render};
-use crate::{Band, Extractor, ExtractorConfig, Profile, ProfileFault, quality};
+use crate::{Extractor, ExtractorConfig, Profile, ProfileFault, quality};
 use hydroline_core::frame::GreyImage;
 use proptest::prelude::*;
 
@@ -266,45 +266,6 @@ fn a_frame_gives_the_same_bits_whatever_came_before() {
 }
 
 #[test]
-fn a_band_gives_the_points_of_the_whole_frame_or_falls_back() {
-    let at = |row0_px: f64, seed| {
-        render(&StripeImage {
-            row0_px,
-            slope: 0.15,
-            noise_sd: 4.0,
-            peak: 80.0,
-            seed,
-            ..Default::default()
-        })
-    };
-    let mut extractor = Extractor::new(ExtractorConfig::default());
-    let before = extractor.extract(&at(200.0, 1));
-    let band = Band::from_profile(&before, 30.0).unwrap();
-    for (row, seed) in [
-        (203.0, 2),
-        (190.0, 3),
-        (215.0, 4),
-        (240.0, 5),
-        (400.0, 6),
-        (20.0, 7),
-    ] {
-        let image = at(row, seed);
-        let profile = extractor.extract_in_band(&image, &band);
-        assert_eq!(profile.points, extract(&image).points, "row {row}");
-        assert!(profile.points.len() > 700);
-    }
-    let other_size = render(&StripeImage {
-        width_px: 400,
-        ..Default::default()
-    });
-    assert_eq!(
-        extractor.extract_in_band(&other_size, &band),
-        extract(&other_size)
-    );
-    assert_eq!(Band::from_profile(&Profile::default(), 30.0), None);
-}
-
-#[test]
 fn whole_pixels_are_whole_and_central() {
     let stripe = StripeImage {
         row0_px: 287.3,
@@ -361,9 +322,6 @@ proptest! {
         for p in profile.points.iter().chain(&profile.candidates) {
             prop_assert!(p.row_px.is_finite() && p.peak.is_finite() && p.sd_px.is_finite() && p.sigma_px.is_finite());
             prop_assert!(p.sd_px > 0.0 && p.row_px >= 0.0 && p.row_px < height_px as f64);
-        }
-        if let Some(band) = Band::from_profile(&profile, 5.0) {
-            extractor.extract_in_band(&image, &band);
         }
     }
 }

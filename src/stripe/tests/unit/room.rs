@@ -12,7 +12,7 @@ use scene::Scene;
 /// A point farther from the truth than this is elsewhere \[px\].
 const ELSEWHERE_PX: f64 = 3.0;
 
-/// What came out of frames of one kind.
+/// Results of the frames of one kind.
 #[derive(Debug, Default, Clone)]
 struct Tally {
     columns: f64,

@@ -12,7 +12,7 @@ const MAESTRO_TIMEOUT: &str = "a Maestro goes to neutral on a dead link only if 
     read back: in the Pololu Maestro Control Center set Serial Settings > Timeout (0 = off) and, for each channel, \
     Channel Settings > On startup or error: Go to 1500 us (the rig's neutral); then pull the cable once to see it work";
 
-/// What the controller does by itself while the link is gone.
+/// Sentence about the controller's own behaviour while the link is gone.
 pub(super) fn watchdog_words(link: &Link) -> String {
     match link.kind {
         // Configured by us at every opening of the line.

@@ -130,9 +130,7 @@ fn a_panic_in_sink_or_plan_leaves_the_thrusters_at_neutral() {
     // A sink that panics at every record from some point on.
     let mut b = bench(LinkKind::Stamped, |_| {});
     let left = AtomicU32::new(60);
-    b.core.replace_sink(Box::new(move |_| {
-        assert!(left.fetch_sub(1, Ordering::Relaxed) > 0, "disk full")
-    }));
+    b.core.sink = Box::new(move |_| assert!(left.fetch_sub(1, Ordering::Relaxed) > 0, "disk full"));
     b.plan(60.0, constant(10.0));
     assert!(catch_unwind(AssertUnwindSafe(|| b.run_ms(5000))).is_err());
     assert!(b.running());

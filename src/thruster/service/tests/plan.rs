@@ -1,4 +1,4 @@
-//! What became of a plan, as seen from outside.
+//! States of a plan, as seen from outside.
 
 use super::*;
 

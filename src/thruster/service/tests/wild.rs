@@ -56,12 +56,12 @@ proptest! {
     ) {
         let mut b = bench(if maestro { LinkKind::Maestro } else { LinkKind::Stamped }, |c| c.resume_after_loss = resume);
         let (clock, shared_script) = (b.clock.clone(), Arc::new(Mutex::new(script)));
-        b.core.replace_opener(Box::new(move || {
+        b.core.opener = Box::new(move || {
             let mut script = shared_script.lock().unwrap();
             let half = script.len() / 2;
             let script = script.split_off(half).into_iter();
             Ok(Opened { transport: Box::new(Wild { clock: clock.clone(), script }), name: "wild".into(), low_latency: None })
-        }));
+        });
         b.plan(2.0, constant(10.0));
         b.run_ms(3000);
         // Nobody sound ever answered for long, and the plan is over: it must not be running.

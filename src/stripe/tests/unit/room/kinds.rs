@@ -3,7 +3,7 @@
 use super::scene::{Banding, Scene, Thing};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-/// What is in the picture.
+/// Contents of the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Clean,

@@ -1,9 +1,11 @@
 //! The simulated controller as a [`Transport`] in memory: host and controller on one injected clock, no threads.
 
-use super::{ControllerEvent, SimController};
-use crate::transport::{LineModel, Sent, Transport, Wire};
+#![allow(dead_code)] // the bench uses less of it
+
 use hydroline_core::clock::Clock;
 use hydroline_core::lock::Lock;
+use hydroline_thruster::controller::{ControllerConfig, ControllerEvent, SimController};
+use hydroline_thruster::transport::{LineModel, Sent, Transport, Wire};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -28,14 +30,11 @@ pub struct Loopback {
 }
 
 impl Loopback {
-    /// Plugged in.
-    pub fn new(controller: SimController, clock: Arc<dyn Clock>) -> Self {
-        let wire = controller
-            .config
-            .baud
-            .map_or(Wire::Packet, |baud| Wire::Uart { baud });
+    /// A new controller, plugged in.
+    pub fn new(config: ControllerConfig, clock: Arc<dyn Clock>) -> Self {
+        let wire = config.baud.map_or(Wire::Packet, |baud| Wire::Uart { baud });
         let shared = Shared {
-            controller,
+            controller: SimController::new(config),
             events: Vec::new(),
             arrived: VecDeque::new(),
             plugged: true,

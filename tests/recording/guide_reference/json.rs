@@ -1,27 +1,15 @@
-//! What each command's --json prints, from the types that it prints.
+//! The fields that each command's --json prints, from the schemas of the types that it prints.
 
 mod fields;
 
 use super::markdown::{code, head, link, plain, table};
-use crate::{
-    calibrate, check, design, devices, export, extract, flat, import, log_tools, plan, predict,
-    prove, record, replay, reproduce, simulate,
-};
 use clap::Command;
 use fields::Field;
-use hydroline_diagnose::verdict::Verdict;
-use hydroline_identify::Identification;
-use hydroline_identify::bollard::Bollard;
-use hydroline_import::recorded::Contents;
-use hydroline_lab::reproduce as paper;
-use hydroline_log::doctor::Diagnosis;
-use hydroline_log::export::Exported;
-use hydroline_log::recover::Recovery;
-use hydroline_plan::preflight::Preflight;
+use hydroline::cli::printed::printed;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-/// What a command prints.
+/// The fields of what a command prints.
 struct Printed {
     /// The command without the program's name.
     command: &'static str,
@@ -30,65 +18,20 @@ struct Printed {
     fields: Vec<Field>,
 }
 
-macro_rules! printed {
-    ($($command:literal $when:literal $of:ty),+ $(,)?) => {
-        vec![$(Printed { command: $command, when: $when, fields: fields::of::<$of>() }),+]
-    };
-}
-
+/// Each command's forms, with the fields of each.
 fn all() -> Vec<Printed> {
-    let mut all = listed();
+    let listed = printed().into_iter().map(|p| Printed {
+        command: p.command,
+        when: p.when,
+        fields: fields::of(p.schema.as_value()),
+    });
+    let mut all: Vec<Printed> = listed.collect();
     // A map by itself has no doc comment.
     let maps = all.iter_mut().flat_map(|p| p.fields.first_mut());
     for named in maps.filter(|f| f.path == "NAME" && f.meaning.is_empty()) {
         named.meaning = "The table or figure, by its name.".to_owned();
     }
     all
-}
-
-fn listed() -> Vec<Printed> {
-    printed![
-        "plan list" "A list." Vec<plan::Listed>,
-        "plan design" "" design::Found<'static>,
-        "devices" "" devices::Listed<'static>,
-        "check" "" check::Checked<'static>,
-        "aim" "One object per line, twice a second." hydroline_daemon::record::aim::AimView,
-        "flat" "" flat::Printed<'static>,
-        "calibrate" "" calibrate::json::Printed<'static>,
-        "record" "" record::Printed<'static>,
-        "record" "With --dry-run." Preflight,
-        "record" "With --until-decided." record::until::Printed<'static>,
-        "info" "" log_tools::LogInfo,
-        "info" "Of a log of another program that is no MCAP file." Contents,
-        "doctor" "" Diagnosis,
-        "recover" "" Recovery,
-        "export" "" Exported,
-        "export" "With --merged." export::MergedRows,
-        "replay" "" replay::Printed,
-        "extract" "" extract::Printed,
-        "import" "" import::Printed<'static>,
-        "join" "" hydroline_import::join::Joined,
-        "identify" "" Identification,
-        "identify" "With --bollard and without logs." Bollard,
-        "diagnose" "The same is in `diagnose.json` of --report." Verdict,
-        "predict" "" predict::Printed<'static>,
-        "simulate" "" simulate::Printed<'static>,
-        "reproduce" "figure12, figure13, figure17; NAME = figure." reproduce::Printed<'static, paper::Figure>,
-        "reproduce" "table3; NAME = table3." reproduce::Printed<'static, Vec<paper::Row>>,
-        "reproduce" "table4, table5; NAME = table4 or table5." reproduce::Printed<'static, Vec<paper::Disturbed>>,
-        "reproduce" "table7; NAME = table7." reproduce::Printed<'static, Vec<paper::SurgeRun>>,
-        "reproduce" "table10; NAME = table10." reproduce::Printed<'static, Vec<paper::Table10Row>>,
-        "reproduce" "table11; NAME = table11." reproduce::Printed<'static, Vec<paper::Table11Row>>,
-        "reproduce" "all-dofs; NAME = all_dofs." reproduce::Printed<'static, Vec<paper::DofRow>>,
-        "reproduce" "calibration; NAME = calibration." reproduce::Printed<'static, paper::CalibrationStudy>,
-        "reproduce" "joint-pose; NAME = joint_pose." reproduce::Printed<'static, paper::JointAccuracy>,
-        "prove" "" prove::Proved<'static>,
-        "prove" "With --images." prove::ProvedImages<'static>,
-        "prove" "With --coupled." prove::ProvedCoupled<'static>,
-        "prove" "With --only ID." prove::One<'static>,
-        "prove" "With --only image-N." prove::OneImage<'static>,
-        "prove" "With --only coupled-N." prove::OneCoupled<'static>,
-    ]
 }
 
 /// Commands whose JSON is described elsewhere: which, and where.

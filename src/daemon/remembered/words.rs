@@ -5,7 +5,6 @@ use std::time::SystemTime;
 
 const DAY_S: u64 = 86_400;
 
-/// When it was made.
 pub fn made(calibration: &Calibration) -> Option<SystemTime> {
     humantime::parse_rfc3339_weak(calibration.date.as_deref()?).ok()
 }

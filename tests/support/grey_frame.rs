@@ -1,7 +1,7 @@
 //! Frames of noise, made in memory: fixtures for the tests of what carries frames.
 
-use crate::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 use bytes::Bytes;
+use hydroline_core::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
 use hydroline_rigs::PixelFormat;
 
 /// Mid-exposure of frame 0, UNIX \[ns\].

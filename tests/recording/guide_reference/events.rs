@@ -1,7 +1,7 @@
 //! Every kind of event, from their registry.
 
 use super::markdown::{code, head, table};
-use hydroline_core::event::{EventKind, Severity};
+use hydroline::event::{EventKind, Severity};
 use std::fmt::Write;
 
 pub(super) fn chapter() -> String {

@@ -1,9 +1,8 @@
 //! Every command with its arguments, from the definition that parses them.
 
 use super::markdown::{block, code, head, plain, sentence, table};
-use crate::groups::GROUPS;
-use crate::outcome::EXIT_CODES;
 use clap::{Arg, ArgAction, Command};
+use hydroline::cli::{EXIT_CODES, GROUPS};
 use std::fmt::Write;
 
 /// The chapter; `root` = the whole command line, built.
@@ -28,7 +27,7 @@ pub(super) fn chapter(root: &Command) -> String {
     text
 }
 
-/// What has no description.
+/// Commands and arguments without a description.
 pub(super) fn undescribed(root: &Command) -> Vec<String> {
     let mut missing = Vec::new();
     for command in root.get_subcommands().filter(|c| !c.is_hide_set()) {
@@ -63,7 +62,7 @@ fn describe(text: &mut String, command: &Command) {
     subcommands.for_each(|c| describe(text, c));
 }
 
-/// What stands after a command's flags: sentences as sentences, examples as they are.
+/// Notes after a command's flags: sentences as sentences, examples as they are.
 fn notes(text: &mut String, command: &Command) {
     let after = command.get_after_long_help().or(command.get_after_help());
     let after = after.map(ToString::to_string).unwrap_or_default();

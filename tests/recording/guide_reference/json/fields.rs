@@ -1,7 +1,5 @@
 //! The fields of a type as its JSON Schema says them.
 
-use schemars::JsonSchema;
-use schemars::generate::SchemaSettings;
 use serde_json::{Map, Value};
 
 /// A field of what is printed.
@@ -12,7 +10,7 @@ pub(super) struct Field {
     pub kind: String,
     /// Unit; "" = none.
     pub unit: String,
-    /// What it is.
+    /// Description for the reader; "" = none.
     pub meaning: String,
     /// Whether it is omitted where it says nothing.
     pub optional: bool,
@@ -23,13 +21,10 @@ pub(super) struct Field {
 /// Path of the name in a map.
 const NAME: &str = "NAME";
 
-/// All fields of a type as it is printed.
-pub(super) fn of<T: JsonSchema>() -> Vec<Field> {
-    let settings = SchemaSettings::draft2020_12().for_serialize();
-    let settings = settings.with(|s| s.inline_subschemas = true);
-    let schema = settings.into_generator().into_root_schema_for::<T>();
+/// All fields of a type as it is printed, by its schema.
+pub(super) fn of(schema: &Value) -> Vec<Field> {
     let mut fields = Vec::new();
-    within("", schema.as_value(), "", &mut fields);
+    within("", schema, "", &mut fields);
     fields
 }
 
@@ -43,7 +38,7 @@ fn within(path: &str, schema: &Value, about: &str, fields: &mut Vec<Field>) {
         add(below(name), of, "", !always, fields);
     }
     if schema["additionalProperties"].is_object() {
-        // What the map is says what its entries are.
+        // A map's description holds for its entries.
         let about = schema["description"].as_str().unwrap_or(about);
         add(
             below(NAME),
@@ -129,7 +124,7 @@ fn add(path: String, schema: &Value, about: &str, optional: bool, fields: &mut V
     }
 }
 
-/// What a schema may be one of.
+/// Alternatives of a schema: its `anyOf` and `oneOf`.
 fn parts(schema: &Value) -> impl Iterator<Item = &Value> {
     list(schema, "anyOf").chain(list(schema, "oneOf"))
 }
