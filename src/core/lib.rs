@@ -1,4 +1,4 @@
-//! Vocabulary of all rooms: clocks, events, frames, recorded runs, shutdown, build, conditions of a session. No devices, no files.
+//! Types that all rooms share: clocks, events, frames, recorded runs, shutdown, build, conditions of a session. No devices, no files.
 //!
 //! ```
 //! use hydroline_core::{clock::{Clock, ManualClock}, water::refractive_index};

@@ -169,7 +169,7 @@ fn propose(shape: &shape::Shape, draft: &mut Draft) {
     }
 }
 
-/// Faults of an import with the drafted map, (kind, words), and their score: 100 for each, 1 for a doubtful rate.
+/// Faults of an import with the drafted map, (kind, words), and their score: 100 for each, 1 for a rate that may be wrong.
 type Faults = (Vec<(&'static str, String)>, usize);
 
 fn faults(source: &(impl Source + ?Sized), draft: &Draft) -> io::Result<Faults> {

@@ -302,7 +302,7 @@ pub(super) fn faults(b: &mut Body, v: &Verdict) {
     b.table(table);
 }
 
-/// Last sections: blind spots, next run, remarks.
+/// Last sections: effects that are not identifiable, next run, notes.
 pub(super) fn rest(b: &mut Body, v: &Verdict) {
     b.section("What these runs cannot show");
     b.list(v.blind_spots.iter().map(|spot| {
