@@ -260,8 +260,7 @@ impl<'a> Problem<'a> {
                     .sum(),
             })
         };
-        let runs: Vec<usize> = (0..self.forward.runs()).collect();
-        parallel::try_map_slice(&runs, |r| run(*r))
+        parallel::try_map(self.forward.runs(), run)
             .ok()
             .map(|each| each.iter().sum::<f64>())
             .filter(|v| v.is_finite())
@@ -326,8 +325,7 @@ impl<'a> Problem<'a> {
         let p = self.free.len();
         let (mut cost, mut gradient, mut hessian) = (0.0, DVector::zeros(p), DMatrix::zeros(p, p));
         // Runs side by side, their sums in their order: the same bits on any number of cores.
-        let runs: Vec<usize> = (0..self.forward.runs()).collect();
-        let runs = parallel::try_map_slice(&runs, |&run| {
+        let runs = parallel::try_map(self.forward.runs(), |run| {
             let (residual, jacobian) = self.linearised(Objective::LeastSquares, run, parameters)?;
             let (g, h) = (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian));
             Ok::<_, ForwardError>((0.5 * residual.norm_squared(), g, h))

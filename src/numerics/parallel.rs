@@ -60,6 +60,28 @@ pub fn map_owned<I: Send, T: Send>(items: Vec<I>, job: impl Fn(I) -> T + Sync) -
     made.into_iter().flatten().collect()
 }
 
+/// Results of a job for each index below `count`. After an error no further job is begun.
+///
+/// # Errors
+/// The job's; of several, which depends on the threads.
+pub fn try_map<T: Send, E: Send>(
+    count: usize,
+    job: impl Fn(usize) -> Result<T, E> + Sync,
+) -> Result<Vec<T>, E> {
+    let failed = AtomicBool::new(false);
+    let made = map(count, |k| {
+        if failed.load(Ordering::Relaxed) {
+            return None;
+        }
+        let made = job(k);
+        if made.is_err() {
+            failed.store(true, Ordering::Relaxed);
+        }
+        Some(made)
+    });
+    made.into_iter().flatten().collect()
+}
+
 /// Results of a job for each item of a slice. After an error no further job is begun.
 ///
 /// # Errors
@@ -68,18 +90,7 @@ pub fn try_map_slice<I: Sync, T: Send, E: Send>(
     items: &[I],
     job: impl Fn(&I) -> Result<T, E> + Sync,
 ) -> Result<Vec<T>, E> {
-    let failed = AtomicBool::new(false);
-    let made = map_slice(items, |item| {
-        if failed.load(Ordering::Relaxed) {
-            return None;
-        }
-        let made = job(item);
-        if made.is_err() {
-            failed.store(true, Ordering::Relaxed);
-        }
-        Some(made)
-    });
-    made.into_iter().flatten().collect()
+    try_map(items.len(), |k| job(&items[k]))
 }
 
 #[cfg(test)]
