@@ -130,7 +130,9 @@ fn case107_in_which_effects_are_left_out() {
     come_out_right(&["case107"]);
 }
 
-/// All twelve; `cargo test --test analysis diagnose_motion -- --ignored --nocapture` shows the verdicts.
+/// All twelve; case203 came out wrong as long as every run's rate at the start was free.
+///
+/// `cargo test --test analysis diagnose_motion -- --ignored --nocapture` shows the verdicts.
 #[test]
 #[ignore = "three minutes of two processors: tests/nightly"]
 fn all_twelve_independent_cases() {
