@@ -48,8 +48,7 @@ def simulate(
     show_board: Calibration board standing in the sheet instead of the tank, file or built-in name
     board_offset_m: With --show-board: its face stands so far behind the sheet [m]; negative = in front
     note: Free text for the log
-    tank: What is simulated is the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names
-        --rig only
+    tank: Simulates the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
     start: The log's first second, e.g. 2026-05-04T09:30:00Z; default: 2020-09-13T12:26:40Z
     progress: a function of (stage, done, of), a tqdm bar or its class
 
@@ -131,10 +130,10 @@ def identify(
 
     logs: Logs, all of the same vehicle
     rig: Rig file or built-in name: mass, inertia, thrusters, and where the search starts
-    method: How to search. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1
+    method: Search method. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1
         times their size; for the paper's vehicle (rig lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0),
         with which `cargo bench --bench identify` runs (lm, cmaes, ga)
-    objective: What the search minimises; intervals always come from the least squares (ls, l1)
+    objective: Objective that the search minimises; intervals always come from the least squares (ls, l1)
     model: surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
     fix: Coefficient to keep as the rig has it, e.g. k_pp (repeatable)
     from_rest: Every run starts at rest: initial velocities are known
@@ -179,7 +178,7 @@ def diagnose(
     force: bool = False,
     progress: Progress = None,
 ) -> Diagnosis:
-    """Which physics the model left out, and proof.
+    """Physics that the model left out, and proof.
 
     The arguments are those of ``hydroline diagnose``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
@@ -245,7 +244,7 @@ def import_table(
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
     data: Table (CSV or text) or log of another program to import
-    map: What its columns are
+    map: Map that says what its columns are
     out: Log to write
     topic: Of a log, only this topic (again for more): where fields without a topic are looked for, and what --guess
         looks at
@@ -290,7 +289,7 @@ def calibrate(
     board: Board file or built-in name; default: the rig's [board]
     method: Map to fit
     rig: Rig file or built-in name: where the camera stands, thickness of the sheet, tolerance; default: the log's
-    medium: What the light went through: air, fresh or salt; default: what log or rig say
+    medium: Medium that the light went through: air, fresh or salt; default: what log or rig say
     at: Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts
     port_distance_m: For refractive: entrance pupil to the port's inner face [m]; default: the rig's [port], else
         0.03
@@ -298,7 +297,7 @@ def calibrate(
     accept_unknown_gap: Counts a board without gauge blocks as accepted; the claim stays withdrawn
     image_topic: Topic of the logs' images; default: /camera/image, else the only one with images (of ROS 2 or
         Foxglove)
-    channel: What of a colour image is read: luma, or the laser's red, green or blue; default: the rig's
+    channel: Part of a colour image that is read: luma, or the laser's red, green or blue; default: the rig's
         laser.channel, else luma
     bits: Bits that samples of 16 really have, right-aligned (8 to 16); default: the rig's camera.bits, else 16
     every: Takes every N-th frame of a log
