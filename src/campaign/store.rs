@@ -184,7 +184,7 @@ pub(crate) fn file(path: &Path) -> impl Fn(std::io::Error) -> StoreError + use<>
 }
 
 fn content_hash(path: &Path) -> std::io::Result<String> {
-    let mut source = std::fs::File::open(path)?;
+    let mut source = hydroline_rigs::bounded::open(path)?;
     let mut digest = Sha256::new();
     let mut block = vec![0; BLOCK_BYTES];
     loop {

@@ -10,6 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, still_format, still_size};
+use hydroline_rigs::bounded;
 
 /// Endings of files that are taken for images.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -304,6 +305,7 @@ impl FolderFrames {
 /// # Errors
 /// The system's, and a file beyond any image.
 pub fn read_image(path: &Path) -> io::Result<Vec<u8>> {
+    bounded::check_file(path)?;
     let length = std::fs::metadata(path)?.len();
     if length > FILE_MAX_BYTES {
         let words = format!("{length} bytes; images of up to {FILE_MAX_BYTES} are read");

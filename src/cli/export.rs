@@ -5,7 +5,7 @@ use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_identify::merged::Merged;
-use hydroline_log::export::{ExportOptions, Exported, export, take_back};
+use hydroline_log::export::{ExportOptions, Exported, export, is_unfinished, take_back};
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -152,7 +152,7 @@ fn vacant(args: &Args, log: &Path, place: &Path) -> Result<(), CliError> {
     if place.exists() && !place.is_dir() {
         return Err(is_a_file(place));
     }
-    if place.exists() && args.out.is_none() {
+    if place.exists() && args.out.is_none() && !is_unfinished(place) {
         return Err(CliError::Config(format!(
             "{} exists: name another folder with --out{}",
             place.display(),

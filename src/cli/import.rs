@@ -47,7 +47,7 @@ Examples:
 Exit codes: 0 done; 1 the log could not be written; 2 bad arguments or map, or a table with faults (nothing is \
 written); 3 done, but what --accept-faults left out is lost.")]
 pub struct Args {
-    /// Table (CSV or text) or log of another program to import
+    /// Table (CSV or text; - = standard input) or log of another program to import
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Map that says what its columns are
@@ -151,8 +151,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             "give --map and --out, or --guess for a map".to_owned(),
         ));
     };
-    let map = Map::load(map_path)?;
-    let map_text = inputs::text(map_path, "check the path")?;
+    let (map, map_text) = Map::load_with_text(map_path)?;
     inputs::new_file("--out", out)?;
     match open(args)? {
         Input::Table(table) => write(args, build, &table, &map, Vec::new(), &map_text, out),

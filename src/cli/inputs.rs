@@ -131,7 +131,7 @@ pub fn text(path: &Path, next: &str) -> Result<String, CliError> {
 pub fn readable_file(path: &Path, next: &str) -> Result<(), CliError> {
     use std::io::Read;
     // A folder opens like a file and tells only when it is read.
-    std::fs::File::open(path)
+    bounded::open(path)
         .and_then(|mut file| file.read(&mut [0]))
         .map(|_| ())
         .map_err(|e| CliError::reading(path, &e, next))

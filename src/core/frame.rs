@@ -154,7 +154,7 @@ impl<'a> From<&'a GreyImage> for GreyView<'a> {
 /// Longest side of an image that is believed \[px\]: twice that of the largest sensors of machine vision.
 pub const SIDE_MAX_PX: u32 = 1 << 15;
 /// Most pixels of a compressed image that are unpacked: a few bytes can claim any number.
-pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
+pub const COMPRESSED_MAX_PX: u64 = hydroline_rigs::FRAME_BYTES_MAX;
 
 /// Why a frame has no grey image.
 #[derive(Debug, thiserror::Error)]

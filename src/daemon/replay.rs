@@ -21,8 +21,8 @@ use hydroline_log::messages::{
     unix_ns,
 };
 use hydroline_log::{
-    DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, MetadataMap, Record,
-    SummaryInput, WriteSettings,
+    DAMAGED_KEY, Entry, FRAME_BYTES_KEY, FileRecorder, Head, LogError, LogMessage, LogOutcome,
+    MetadataMap, Record, SummaryInput, WriteSettings, bytes_per_frame,
 };
 use hydroline_pose::joint::Speculative;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
@@ -84,6 +84,8 @@ pub struct Options {
     pub calibration_toml: Option<String>,
     /// The calibration in force where it is another than the recording's: stated on `/laser/calibration` in its place.
     pub calibration: Option<Calibration>,
+    /// Whether the new log takes the place of one that is there, once it is whole.
+    pub over: bool,
     /// The replaying program.
     pub build: BuildInfo,
     /// Where it shows itself, and the rig in force for loads and outline; changes no byte of the log.
@@ -198,20 +200,23 @@ pub fn replay(
     progress: &mut dyn FnMut(u64),
 ) -> Result<(Report, LogOutcome), ReplayError> {
     let mut reader = options.open(log)?;
-    let head = head(&reader, log, options);
+    let mut head = head(&reader, log, options);
     // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
     // how much stands before it is not known.
-    let mut camera = None;
-    for message in reader.by_ref() {
-        if let Record::Frame(frame) = message?.record {
-            camera = Some(frame.format);
-            break;
+    let first = loop {
+        match reader.next().transpose()?.map(|message| message.record) {
+            Some(Record::Frame(frame)) => break frame,
+            Some(_) => {}
+            None => {
+                return Err(ReplayError::NoImages {
+                    path: log.to_owned(),
+                });
+            }
         }
-    }
-    if camera.is_none() {
-        return Err(ReplayError::NoImages {
-            path: log.to_owned(),
-        });
+    };
+    let camera = Some(first.format).filter(|_| options.keep_images);
+    if camera.is_some() {
+        state_frame_bytes(&mut head, first.data.len());
     }
     let reader = options.open(log)?;
     let damaged = reader.seal_findings().into_iter().filter(|f| f.damaged());
@@ -245,10 +250,10 @@ pub fn replay(
         Some(rig) => Some(smoothed::bound(log, options, poses.as_ref(), rig)?),
         None => None,
     };
-    let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
+    let settings = WriteSettings::offline(camera);
     let screen = screen::of(options, &head.session);
     let mut state = Replay {
-        writer: FileRecorder::create(out, false, head, settings)?,
+        writer: FileRecorder::create_whole(out, options.over, head, settings)?,
         options,
         live: HashMap::new(),
         ours: HashMap::new(),
@@ -343,6 +348,16 @@ fn head(reader: &Input, log: &Path, options: &Options) -> Head {
             .or_else(|| toml("calibration")),
         session,
         build: options.build,
+    }
+}
+
+/// States in the session what a frame takes where it is more than one of the rig's camera: a reader judges by it how far
+/// black frames may unpack.
+fn state_frame_bytes(head: &mut Head, bytes: usize) {
+    let rig = Rig::from_toml(&head.rig_toml, "rig", None).ok();
+    if rig.is_some_and(|rig| bytes as f64 > bytes_per_frame(&rig.camera)) {
+        let session = &mut head.session;
+        session.insert(FRAME_BYTES_KEY.to_owned(), bytes.to_string());
     }
 }
 

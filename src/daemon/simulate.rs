@@ -95,7 +95,7 @@ pub enum SimulateError {
 /// Runs a plan and writes its log; `progress` is called with (frames done, frames in all).
 ///
 /// # Errors
-/// [`SimulateError`]; a file that was begun is closed and readable.
+/// [`SimulateError`]; there is no log then.
 pub fn simulate(
     rig: &Rig,
     plan: &Plan,
@@ -132,7 +132,7 @@ pub fn simulate(
         _ => None,
     };
     let camera_format = renderer.as_ref().map(|_| PixelFormat::Grey);
-    let mut log = FileRecorder::create(
+    let mut log = FileRecorder::create_whole(
         out,
         false,
         head(&rig, plan, options),

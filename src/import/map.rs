@@ -288,13 +288,21 @@ impl Map {
     /// # Errors
     /// [`MapError`].
     pub fn load(path: &Path) -> Result<Map, MapError> {
+        Self::load_with_text(path).map(|(map, _)| map)
+    }
+
+    /// The same with its text: what is read once (standard input, a pipe) has both.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn load_with_text(path: &Path) -> Result<(Map, String), MapError> {
         let file = path.display().to_string();
         let text = hydroline_rigs::bounded::read_text(path, hydroline_rigs::bounded::CONFIG_BYTES)
             .map_err(|source| MapError::Unreadable {
                 path: file.clone(),
                 source,
             })?;
-        Map::from_toml(&text, &file)
+        Ok((Map::from_toml(&text, &file)?, text))
     }
 
     /// Reads a map from a text.

@@ -26,6 +26,8 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use hydroline_rigs::bounded;
+
 use crate::check::{Finding, FindingList};
 use crate::map::Map;
 use crate::source::Source;
@@ -121,7 +123,13 @@ impl Recording {
     /// [`RecordedError`] of a log that cannot be read.
     pub fn open(path: &Path) -> Result<Option<Recording>, RecordedError> {
         let files = if path.is_dir() {
-            files_of(path)?
+            let files = files_of(path)?;
+            for file in &files {
+                let named =
+                    |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", file.display()));
+                bounded::check_file(file).map_err(named)?;
+            }
+            files
         } else {
             vec![path.to_owned()]
         };

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use hydroline_rigs::bounded::STREAM_BYTES;
+use hydroline_rigs::bounded::{STREAM_BYTES, is_stream, open_once};
 
 /// Something that can be read from its beginning, again and again.
 pub trait Source {
@@ -21,7 +21,7 @@ impl Source for [u8] {
     }
 }
 
-/// A file; what has no beginning to go back to (a pipe) is copied to a scratch file first.
+/// A file; what has no beginning to go back to (standard input as `-`, a pipe) is copied to a scratch file first.
 #[derive(Debug)]
 pub struct TableFile {
     path: PathBuf,
@@ -32,13 +32,14 @@ impl TableFile {
     /// Opens it.
     ///
     /// # Errors
-    /// Those of the file; [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`].
+    /// Those of the file; [`io::ErrorKind::NotSeekable`] of a device, or of a pipe that nobody handed over;
+    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`].
     pub fn open(path: &Path) -> io::Result<TableFile> {
         let mut copy = None;
-        let file = File::open(path)?;
-        if !file.metadata()?.is_file() {
+        let once = open_once(path)?;
+        if is_stream(path) {
             let mut scratch = tempfile::tempfile()?;
-            let copied = io::copy(&mut file.take(STREAM_BYTES + 1), &mut scratch)?;
+            let copied = io::copy(&mut once.take(STREAM_BYTES + 1), &mut scratch)?;
             if copied > STREAM_BYTES {
                 return Err(io::Error::new(
                     io::ErrorKind::FileTooLarge,

@@ -211,7 +211,7 @@ impl<'a> Writer<'a> {
         settings.limits.chunk_bytes = CHUNK_BYTES;
         Ok(Writer {
             map,
-            log: Behind::new(FileRecorder::create(out, false, head, settings)?),
+            log: Behind::new(FileRecorder::create_whole(out, false, head, settings)?),
             start_ns,
             covariance: covariance(map),
             still: Some(StillWatch::default()),

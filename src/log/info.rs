@@ -184,7 +184,13 @@ impl fmt::Display for Info {
             "  duration     {:.3} s from {} ns (UNIX) = {}",
             self.duration_s, self.start_ns, self.start_utc
         )?;
-        writeln!(f, "  messages     {}", self.messages)?;
+        let damage = match self.damage.len() {
+            0 => String::new(),
+            n => format!(
+                ", and {n} place(s) of damage, listed at the end: messages there are not counted"
+            ),
+        };
+        writeln!(f, "  messages     {}{damage}", self.messages)?;
         let ending = match self.ending {
             Ending::Clean => "clean",
             Ending::Stopped => "whole, but the recording was stopped (see summary)",

@@ -31,8 +31,10 @@ mod atomic_file;
 mod closing;
 pub mod doctor;
 mod entry;
+mod expansion;
 pub mod export;
 mod file_recorder;
+pub mod held;
 mod image_topics;
 mod indexed;
 pub mod info;
@@ -59,6 +61,7 @@ mod writer;
 pub use atomic_file::AtomicFile;
 pub use closing::Closing;
 pub use entry::{Company, Entry};
+pub use expansion::FRAME_BYTES_KEY;
 pub use file_recorder::FileRecorder;
 pub use image_topics::{ImageTopic, ImageTopicError, image_topic};
 pub use indexed::{IndexedLog, Place};
@@ -114,6 +117,14 @@ pub enum LogError {
     Stopped { reason: String },
     #[error("the log's writer thread cannot be started: {source}")]
     Thread { source: std::io::Error },
+    #[error(
+        "a message of {bytes} bytes on {topic}: at most {most} are written, the largest frame that a log holds; take smaller images"
+    )]
+    TooLarge {
+        topic: &'static str,
+        bytes: u64,
+        most: u64,
+    },
     #[error("the recording is finished already")]
     Finished,
     #[error("the log's writer thread panicked; `hydroline recover` mends the file")]
@@ -133,8 +144,10 @@ pub enum LogError {
         offset: u64,
         damage: records::Damage,
     },
-    #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away (NAME.part is what an interrupted attempt left: it can go)", path.display())]
+    #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away", path.display())]
     OutputExists { path: PathBuf },
+    #[error("{}: is being written by another process: wait until it has ended, or choose another --out", path.display())]
+    BeingWritten { path: PathBuf },
     #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
     NotEmpty { path: PathBuf, found: String },
     #[error("{}: cannot be written: {reason}", path.display())]

@@ -4,6 +4,7 @@
 
 mod architecture;
 mod attacks;
+mod broken_off;
 mod calibrate_chain;
 mod campaign;
 mod citations;
@@ -30,6 +31,7 @@ mod response;
 mod service_files;
 mod simulate_light;
 mod simulate_reproducible;
+mod streams;
 mod third_party;
 mod until_decided;
 mod verdict_json;

@@ -6,6 +6,7 @@ use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
 use hydroline_numerics::{cancel, parallel};
+use hydroline_rigs::bounded;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub enum Source {
 pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
     let kind = |path: &PathBuf| {
         let mut start = Vec::new();
-        std::fs::File::open(path)
+        bounded::open(path)
             .and_then(|f| f.take(MCAP_MAGIC.len() as u64).read_to_end(&mut start))
             .map_err(|e| CliError::reading(path, &e, "name a log or an image (PNG, JPEG)"))?;
         Ok(if start == MCAP_MAGIC {

@@ -54,6 +54,8 @@ pub(super) fn is_no_file(kind: ErrorKind) -> bool {
             // Text was expected, and it is none.
             | ErrorKind::InvalidData
             | ErrorKind::FileTooLarge
+            // A pipe, a terminal, a device.
+            | ErrorKind::NotSeekable
     )
 }
 
@@ -65,6 +67,8 @@ impl Sorted for LogError {
             | Self::Exists { .. }
             | Self::OutputExists { .. }
             | Self::NotEmpty { .. }
+            | Self::BeingWritten { .. }
+            | Self::TooLarge { .. }
             | Self::WontFit { .. } => true,
             Self::Read { source, .. } | Self::Create { source, .. } => is_no_file(source.kind()),
             _ => false,

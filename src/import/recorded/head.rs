@@ -1,8 +1,9 @@
 //! How files begin: by that their kind is recognised, and what they are if they are not read.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+
+use hydroline_rigs::bounded;
 
 use super::message::RecordedError;
 
@@ -11,11 +12,11 @@ use super::message::RecordedError;
 /// # Errors
 /// The system's.
 pub(super) fn head(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let file = File::open(path)?;
     // A pipe is a table or nothing.
-    if !file.metadata()?.is_file() {
+    if bounded::is_stream(path) {
         return Ok(Vec::new());
     }
+    let file = bounded::open(path)?;
     let mut head = Vec::new();
     file.take(most).read_to_end(&mut head)?;
     Ok(head)

@@ -1,8 +1,9 @@
 //! Files that rosbag2 packed whole (`compression_mode: FILE`): unpacked beside the system's other scratch files.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+
+use hydroline_rigs::bounded;
 
 use super::head::head;
 
@@ -45,7 +46,7 @@ impl Unpacked {
 }
 
 fn unpacked(path: &Path) -> io::Result<tempfile::TempPath> {
-    let file = File::open(path)?;
+    let file = bounded::open(path)?;
     let most = UNPACKED_LEAST + UNPACKED_PER_BYTE * file.metadata()?.len();
     let mut reader = zstd::Decoder::new(file)?.take(most + 1);
     let scratch = tempfile::NamedTempFile::new()?;
