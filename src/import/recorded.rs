@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 
 use crate::check::{Finding, FindingList};
 use crate::map::Map;
-use crate::source::Source;
+use crate::source::{Source, State};
 pub use contents::{Contents, FieldContents, TopicContents};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
@@ -88,6 +88,8 @@ impl Kind {
 #[derive(Debug)]
 pub struct Recording {
     files: Unpacked,
+    /// Files as they were opened.
+    states: Vec<State>,
     kind: Kind,
     contents: Contents,
     topics: Vec<String>,
@@ -133,6 +135,8 @@ impl Recording {
         let Some(kind) = Kind::of(&head) else {
             return head::not_read(&head).map_or(Ok(None), Err);
         };
+        let states: Result<Vec<State>, _> = files.files.iter().map(|f| State::of(f)).collect();
+        let states = states?;
         let mut gather = contents::Gather::default();
         let account = read(kind, &files.files, &mut gather)?;
         let contents = gather.finish(kind.words(), account);
@@ -152,6 +156,7 @@ impl Recording {
         }
         Ok(Some(Recording {
             files,
+            states,
             kind,
             contents,
             topics: Vec::new(),
@@ -227,6 +232,7 @@ impl Recording {
             &mut scratch,
         )?;
         read(self.kind, &self.files.files, &mut writer)?;
+        self.states.iter().try_for_each(State::unchanged)?;
         let (rows, found) = writer.finish()?;
         findings.extend(found);
         let of = if several { ", one for each stamp" } else { "" };
