@@ -135,6 +135,13 @@ impl Store {
     /// [`StoreError::File`].
     pub fn hash(&mut self, path: &Path) -> Result<String, StoreError> {
         let meta = std::fs::metadata(path).map_err(file(path))?;
+        if !meta.is_file() {
+            // A pipe or a device would be waited for without end.
+            return Err(file(path)(std::io::Error::new(
+                std::io::ErrorKind::InvalidInput,
+                "no file with a log in it",
+            )));
+        }
         let since = meta
             .modified()
             .ok()

@@ -143,7 +143,8 @@ fn each_row(
             .map_or(Vec::new(), |s| s.outliers)
             .into_iter()
             .collect();
-        for k in group.days.iter().flat_map(|d| &d.logs) {
+        let dated = group.days.iter().flat_map(|d| &d.logs);
+        for k in dated.chain(&group.undated) {
             let unit = of_hash.get(campaign.logs[*k].hash.as_str()).copied();
             each(run(campaign, group, *k, unit, &outliers))?;
         }
@@ -194,15 +195,24 @@ fn run(
     let log: &Found = &campaign.logs[k];
     let mut row = head(group, Kind::Run);
     put(&mut row, "log", log.name.as_str());
+    let mut remarks: Vec<String> = Vec::new();
     if let Ok(is) = &log.is {
-        put(&mut row, "date", date(is.start_ns));
-        put(&mut row, "start_ns", is.start_ns);
+        if group.undated.contains(&k) {
+            let at = date(is.start_ns);
+            remarks.push(format!(
+                "no day: by its stamps it is of {at}, and its clock is doubted"
+            ));
+        } else {
+            put(&mut row, "date", date(is.start_ns));
+            put(&mut row, "start_ns", is.start_ns);
+        }
         put(&mut row, "plan", is.plan.as_str());
         put(&mut row, "note", is.note.as_str());
     }
     let sheet = unit.and_then(|u| Some((u, campaign.store.get::<RunSheet>(&u.key)?)));
     let Some((unit, sheet)) = sheet else {
         put(&mut row, "state", "open");
+        put(&mut row, "remarks", remarks.join("; "));
         return row;
     };
     let twice = unit.task != Task::Run { log: k };
@@ -218,8 +228,7 @@ fn run(
     for (dof, load) in &sheet.largest_load {
         put(&mut row, &format!("load_{dof}"), *load);
     }
-    let findings = sheet.findings.iter();
-    let mut remarks: Vec<String> = findings.map(ToString::to_string).collect();
+    remarks.extend(sheet.findings.iter().map(ToString::to_string));
     fitted(&mut row, &sheet.identified, &mut remarks);
     diagnosed(&mut row, &sheet.diagnosed, &mut remarks);
     if let Some(ratio) = outliers.get(&log.name) {

@@ -18,8 +18,9 @@ Examples:
   hydroline export run.mcap --merged               # the new file run.csv: one row per pose
   hydroline export logs --merged --out tables --update    # what has no table yet
 
---merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load in force (surge_n .. \
-yaw_nm), each thruster's thrust and flags (before_commands, gap_before, frame faults); an empty cell is \"not known\".
+--merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load (surge_n .. \
+yaw_nm) and each thruster's thrust, each as its mean until the next row, and flags (before_commands, gap_before, loads_change_in_gap, \
+frame faults); an empty cell is \"not known\".
 
 A folder stands for all logs in it and below it. Of several logs --out is the folder in which each gets a folder (a table with \
 --merged) by its own name; a log that cannot be exported is reported, and the others are done. --update makes it a command to \

@@ -30,7 +30,7 @@ use hydroline_rigs::bounded;
 
 use crate::check::{Finding, FindingList};
 use crate::map::Map;
-use crate::source::Source;
+use crate::source::{Source, State};
 pub use contents::{Contents, FieldContents, TopicContents};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
@@ -90,6 +90,8 @@ impl Kind {
 #[derive(Debug)]
 pub struct Recording {
     files: Unpacked,
+    /// Files as they were opened.
+    states: Vec<State>,
     kind: Kind,
     contents: Contents,
     topics: Vec<String>,
@@ -141,6 +143,8 @@ impl Recording {
         let Some(kind) = Kind::of(&head) else {
             return head::not_read(&head).map_or(Ok(None), Err);
         };
+        let states: Result<Vec<State>, _> = files.files.iter().map(|f| State::of(f)).collect();
+        let states = states?;
         let mut gather = contents::Gather::default();
         let account = read(kind, &files.files, &mut gather)?;
         let contents = gather.finish(kind.words(), account);
@@ -160,6 +164,7 @@ impl Recording {
         }
         Ok(Some(Recording {
             files,
+            states,
             kind,
             contents,
             topics: Vec::new(),
@@ -235,6 +240,7 @@ impl Recording {
             &mut scratch,
         )?;
         read(self.kind, &self.files.files, &mut writer)?;
+        self.states.iter().try_for_each(State::unchanged)?;
         let (rows, found) = writer.finish()?;
         findings.extend(found);
         let of = if several { ", one for each stamp" } else { "" };

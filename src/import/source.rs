@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use hydroline_rigs::bounded::{STREAM_BYTES, is_stream, open_once};
@@ -13,6 +14,59 @@ pub trait Source {
     /// # Errors
     /// Those of the file.
     fn open(&self) -> io::Result<Box<dyn Read + '_>>;
+
+    /// Whether it is still what it was when it was first opened: asked behind a reading of the whole.
+    ///
+    /// # Errors
+    /// It has changed, in words; those of the file.
+    fn unchanged(&self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// State of a file that is read more than once: another one in its place, another size, another time of change.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct State {
+    path: PathBuf,
+    device: u64,
+    inode: u64,
+    bytes: u64,
+    modified_s: i64,
+    modified_ns: i64,
+}
+
+impl State {
+    /// Of a file as it is now.
+    pub fn of(path: &Path) -> io::Result<State> {
+        let found = std::fs::metadata(path)?;
+        Ok(State {
+            path: path.to_owned(),
+            device: found.dev(),
+            inode: found.ino(),
+            bytes: found.len(),
+            modified_s: found.mtime(),
+            modified_ns: found.mtime_nsec(),
+        })
+    }
+
+    /// Whether the file is still in this state.
+    ///
+    /// # Errors
+    /// It is not, in words; those of the file.
+    pub fn unchanged(&self) -> io::Result<()> {
+        let now = State::of(&self.path)?;
+        if now == *self {
+            return Ok(());
+        }
+        let size = match now.bytes == self.bytes {
+            true => String::new(),
+            false => format!(" ({} bytes at first, {} then)", self.bytes, now.bytes),
+        };
+        Err(io::Error::other(format!(
+            "{} was changed while it was read{size}: let the program that writes it end, or import a copy",
+            self.path.display()
+        )))
+    }
 }
 
 impl Source for [u8] {
@@ -26,6 +80,8 @@ impl Source for [u8] {
 pub struct TableFile {
     path: PathBuf,
     copy: Option<File>,
+    /// As it was opened; `None` = it was copied.
+    state: Option<State>,
 }
 
 impl TableFile {
@@ -48,9 +104,14 @@ impl TableFile {
             }
             copy = Some(scratch);
         }
+        let state = match copy {
+            Some(_) => None,
+            None => Some(State::of(path)?),
+        };
         Ok(TableFile {
             path: path.to_owned(),
             copy,
+            state,
         })
     }
 }
@@ -64,6 +125,38 @@ impl Source for TableFile {
                 Ok(Box::new(copy))
             }
             None => Ok(Box::new(File::open(&self.path)?)),
+        }
+    }
+
+    fn unchanged(&self) -> io::Result<()> {
+        self.state.as_ref().map_or(Ok(()), State::unchanged)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Map, survey};
+
+    /// What was left of it was imported, with exit code 0.
+    #[test]
+    fn a_table_that_is_cut_or_goes_on_while_it_is_read_is_an_error() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("t.csv");
+        let text: String = (0..50)
+            .map(|k| format!("{k},{}\n", 0.1 * f64::from(k)))
+            .collect();
+        let text = format!("t,x\n{text}");
+        let map =
+            "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n";
+        let map = Map::from_toml(map, "m").unwrap();
+        for becomes in [&text[..200], &format!("{text}51,5.1\n")] {
+            std::fs::write(&path, &text).unwrap();
+            let table = TableFile::open(&path).unwrap();
+            assert!(survey(&table, &map, None).is_ok());
+            std::fs::write(&path, becomes).unwrap();
+            let error = survey(&table, &map, None).unwrap_err().to_string();
+            assert!(error.contains("was changed while it was read"), "{error}");
         }
     }
 }

@@ -160,7 +160,7 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
 }
 
 /// RFC 3339 with milliseconds, UTC. 64 bits of nanoseconds end in 2554, inside what it can say.
-fn utc(unix_ns: u64) -> String {
+pub(crate) fn utc(unix_ns: u64) -> String {
     let time = std::time::UNIX_EPOCH + std::time::Duration::from_nanos(unix_ns);
     humantime::format_rfc3339_millis(time).to_string()
 }

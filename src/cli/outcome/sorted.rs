@@ -229,7 +229,10 @@ sorted! {
     },
     SimulateError: |e| match e {
         SimulateError::Sim(error) => error.is_input(),
-        SimulateError::Scene(_) | SimulateError::Plan(_) | SimulateError::Noise { .. } => true,
+        SimulateError::Scene(_)
+        | SimulateError::Plan(_)
+        | SimulateError::Noise { .. }
+        | SimulateError::Start { .. } => true,
         SimulateError::Log(error) => error.is_input(),
         SimulateError::Capture(_) => false,
     },
@@ -239,7 +242,10 @@ sorted! {
         SimError::Trajectory(_) => false,
     },
     IdentifyError: |e| match e {
-        IdentifyError::OnlyStill(_) | IdentifyError::NoRun | IdentifyError::Effect(_) => true,
+        IdentifyError::OnlyStill(_)
+        | IdentifyError::NoRun
+        | IdentifyError::TooSparse { .. }
+        | IdentifyError::Effect(_) => true,
         IdentifyError::TooFew { .. } | IdentifyError::Method(_) | IdentifyError::Forward(_) => false,
     },
     BollardError: |e| match e {

@@ -25,6 +25,8 @@ pub(super) struct Checks {
     pub(super) suppressed: BTreeMap<&'static str, usize>,
     pub(super) topics: BTreeMap<String, u64>,
     pub(super) schemas_checked: BTreeSet<u16>,
+    /// First message, UNIX \[ns\]; `None` = there is none.
+    pub(super) first_log_ns: Option<u64>,
     pub(super) last_log_ns: u64,
     pub(super) backward_steps: u64,
     pub(super) cut: bool,
@@ -105,6 +107,7 @@ impl Checks {
     /// Every message, whatever it is.
     pub fn message(&mut self, offset: u64, channel: &ChannelRecord, schema: &str, log_ns: u64) {
         *self.topics.entry(channel.topic.clone()).or_default() += 1;
+        self.first_log_ns.get_or_insert(log_ns);
         if log_ns < self.last_log_ns {
             self.backward_steps += 1;
         }
