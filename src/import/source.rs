@@ -4,7 +4,10 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use hydroline_log::foreign::{self, Content, Foreign};
 use hydroline_rigs::bounded::STREAM_BYTES;
+
+use crate::recorded::Packing;
 
 /// Something that can be read from its beginning, again and again.
 pub trait Source {
@@ -21,7 +24,7 @@ impl Source for [u8] {
     }
 }
 
-/// A file; what has no beginning to go back to (a pipe) is copied to a scratch file first.
+/// A file; what has no beginning to go back to (a pipe) is copied to a scratch file first, what is packed is unpacked there.
 #[derive(Debug)]
 pub struct TableFile {
     path: PathBuf,
@@ -32,7 +35,8 @@ impl TableFile {
     /// Opens it.
     ///
     /// # Errors
-    /// Those of the file; [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`].
+    /// Those of the file; [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`],
+    /// [`io::ErrorKind::InvalidData`] for what does not unpack.
     pub fn open(path: &Path) -> io::Result<TableFile> {
         let mut copy = None;
         let file = File::open(path)?;
@@ -47,22 +51,55 @@ impl TableFile {
             }
             copy = Some(scratch);
         }
-        Ok(TableFile {
+        let mut table = TableFile {
             path: path.to_owned(),
             copy,
-        })
+        };
+        if let Some(packing) = Packing::of(&table.head()?) {
+            let packed = match &table.copy {
+                Some(copy) => rewound(copy)?,
+                None => File::open(path)?,
+            };
+            let bytes = packed.metadata()?.len();
+            let scratch = tempfile::tempfile()?;
+            packing.unpack(packed, bytes, &scratch)?;
+            table.copy = Some(scratch);
+        }
+        Ok(table)
     }
+
+    fn head(&self) -> io::Result<Vec<u8>> {
+        let mut head = Vec::new();
+        self.open_bytes()?
+            .take(foreign::HEAD_BYTES)
+            .read_to_end(&mut head)?;
+        Ok(head)
+    }
+
+    fn open_bytes(&self) -> io::Result<File> {
+        match &self.copy {
+            Some(copy) => rewound(copy),
+            None => File::open(&self.path),
+        }
+    }
+
+    /// Kind of the file and the way on, if it is no text.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn foreign(&self) -> io::Result<Option<Foreign>> {
+        Ok(Content::of(&self.head()?).foreign())
+    }
+}
+
+fn rewound(file: &File) -> io::Result<File> {
+    let mut copy = file.try_clone()?;
+    copy.seek(SeekFrom::Start(0))?;
+    Ok(copy)
 }
 
 impl Source for TableFile {
     fn open(&self) -> io::Result<Box<dyn Read + '_>> {
-        match &self.copy {
-            Some(copy) => {
-                let mut copy = copy.try_clone()?;
-                copy.seek(SeekFrom::Start(0))?;
-                Ok(Box::new(copy))
-            }
-            None => Ok(Box::new(File::open(&self.path)?)),
-        }
+        Ok(Box::new(self.open_bytes()?))
     }
 }
