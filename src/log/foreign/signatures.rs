@@ -188,13 +188,13 @@ fn further_in(head: &[u8]) -> Option<Known> {
         head.get(offset..)
             .is_some_and(|rest| rest.starts_with(bytes))
     };
+    if at(257, b"ustar") {
+        return Some(("an archive (.tar)", UNPACK));
+    }
     // HDF5 may stand behind a block of the user's, 512 bytes or a power of two more.
     let places = [0, 512, 1024, 2048, 4096, 8192];
     if places.iter().any(|p| at(*p, b"\x89HDF\r\n\x1a\n")) {
         return Some(("an HDF5 file (.h5, .hdf5, .nc)", HDF5));
-    }
-    if at(257, b"ustar") {
-        return Some(("an archive (.tar)", UNPACK));
     }
     at(4, b"ftyp").then_some(("a video (.mp4, .mov)", VIDEO))
 }

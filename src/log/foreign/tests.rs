@@ -48,7 +48,7 @@ fn noise(bytes: usize) -> Vec<u8> {
 fn every_foreign_format_is_named_with_the_way_on() {
     let mut hdf5 = vec![0; 1024];
     hdf5[512..520].copy_from_slice(b"\x89HDF\r\n\x1a\n");
-    let mut tar = vec![b'a'; 600];
+    let mut tar = hdf5.clone();
     tar[257..262].copy_from_slice(b"ustar");
     let mut c3d = vec![0; 1024];
     c3d[..2].copy_from_slice(&[2, 0x50]);
