@@ -6,7 +6,7 @@ use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::guess::{guess, guess_recording};
-use hydroline_import::recorded::{RecordedError, Recording};
+use hydroline_import::recorded::{Foreign, RecordedError, Recording};
 use hydroline_import::{
     Finding, Lost, Map, Options, Severity, Source, TableFile, import_table, survey,
 };
@@ -22,6 +22,7 @@ MAP.toml says which column is what; everything but one channel or command and th
   [time]            column = \"t\"  unit = \"s\" (ms us ns min h d spreadsheet_days matlab_days iso8601)
                     columns = [\"Date\", \"Time\"]  format = \"%d.%m.%Y %H:%M:%S%.f\";  columns = [1, 2]  unit = [\"s\", \"ns\"]
                     rate_hz = 100: rows without time, a frame column without unit, or rounded stamps put back
+                    boot = 2: the second run of a counter that starts anew in the file (an autopilot that restarted)
                     unwrap = 32 (bits of a counter)  clock = \"relative\" (unix)  start_unix_s
                     from_s, to_s: only these rows; compare_column, compare_unit: a second clock
   [motion.phi_rad]  column = \"roll\" (or its number)  nth = 2 (of one name)  unit = \"deg\"  sign = -1  scale = 1
@@ -33,7 +34,7 @@ MAP.toml says which column is what; everything but one channel or command and th
                     scale = 35.15  offset = 0.0  between = \"hold\" (linear)  missing = \"fault\" (skip hold)
 
 A log of another program (ROS 2 in MCAP or db3, a bag's folder, Foxglove's protobuf and JSON in MCAP, ArduPilot DataFlash .bin, \
-MAVLink .tlog, PX4 .ulg) is imported with the same map. `hydroline info LOG` lists its topics and fields:
+MAVLink .tlog, PX4 .ulg; packed with gzip or zstd too) is imported with the same map. `hydroline info LOG` lists its topics and fields:
   [time]            column = \"stamp\" (the messages' own) or \"log_time\" (when recorded)  unit = \"ns\"  clock = \"unix\"
   [motion.x_m]      column = \"/odom.pose.pose.position.x\": TOPIC.FIELD, or the field alone where --topic leaves one topic
 
@@ -97,9 +98,10 @@ pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
         // These say what to do themselves.
-        own @ (RecordedError::Topic { .. } | RecordedError::NotRead { .. }) => {
-            CliError::Config(format!("{}: {own}", path.display()))
-        }
+        own @ (RecordedError::Topic { .. }
+        | RecordedError::NotRead { .. }
+        | RecordedError::Flags { .. }
+        | RecordedError::Damaged { .. }) => CliError::Config(format!("{}: {own}", path.display())),
         other => CliError::Config(format!(
             "{}: {other}; check the file, or name another",
             path.display()
@@ -119,9 +121,16 @@ fn open(args: &Args) -> Result<Input, CliError> {
             path.display(),
             args.topic[0]
         ))),
-        None => TableFile::open(path)
-            .map(Input::Table)
-            .map_err(|e| CliError::reading(path, &e, "name a table (CSV) or a log")),
+        None => {
+            let reading =
+                |e: std::io::Error| CliError::reading(path, &e, "name a table (CSV) or a log");
+            let table = TableFile::open(path).map_err(reading)?;
+            // What came through a pipe is looked at here.
+            if let Some(Foreign { what, next }) = table.foreign().map_err(reading)? {
+                return Err(about(path, RecordedError::NotRead { what, next }));
+            }
+            Ok(Input::Table(table))
+        }
     }
 }
 

@@ -21,7 +21,28 @@ pub(crate) struct Cells<'a> {
     ranges: &'a [Range<usize>],
 }
 
+/// The same for a line that is read on.
+pub(crate) struct KeptCells {
+    text: String,
+    ranges: Vec<Range<usize>>,
+}
+
+impl KeptCells {
+    pub fn cells(&self) -> Cells<'_> {
+        Cells {
+            text: &self.text,
+            ranges: &self.ranges,
+        }
+    }
+}
+
 impl<'a> Cells<'a> {
+    pub fn keep(&self) -> KeptCells {
+        KeptCells {
+            text: self.text.to_owned(),
+            ranges: self.ranges.to_vec(),
+        }
+    }
     pub fn len(&self) -> usize {
         self.ranges.len()
     }

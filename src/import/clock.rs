@@ -8,7 +8,9 @@ use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
 use crate::stamp::{self, Pattern, SECOND_NS, Stamp};
 use crate::unit::{self, Dimension};
 
+mod boots;
 mod even;
+pub(crate) use boots::Boots;
 pub(crate) use even::{EvenRows, granularity};
 
 const DAY_NS: i128 = 86_400 * SECOND_NS;
@@ -38,7 +40,6 @@ pub(crate) struct Clock {
     last_of_day: i128,
     beyond_bits: Option<u64>,
     pub zones: Vec<(stamp::Zone, u64)>,
-    even: Option<EvenRows>,
 }
 
 impl Clock {
@@ -83,17 +84,15 @@ impl Clock {
             last_of_day: 0,
             beyond_bits: None,
             zones: Vec::new(),
-            even: None,
         })
     }
 
-    /// Puts rounded stamps back to the map's rate from now on.
-    pub fn make_even(&mut self, time: &TimeMap, granularity_ns: i128) {
+    /// Puts rounded stamps back to the map's rate; `None` = the map states none, or there are no stamps.
+    pub fn even(&self, time: &TimeMap, granularity_ns: i128) -> Option<EvenRows> {
         let stamps = !matches!(self.reading, Reading::Rows | Reading::Frames(_));
-        self.even = time
-            .rate_hz
+        time.rate_hz
             .filter(|_| stamps)
-            .map(|rate_hz| EvenRows::new(rate_hz, granularity_ns));
+            .map(|rate_hz| EvenRows::new(rate_hz, granularity_ns))
     }
 
     /// A row that could not be split: time goes on where rows are all there is.
@@ -120,11 +119,7 @@ impl Clock {
             };
             bad.note("time", line, cells.get(at));
         }
-        let ns = ns?;
-        Some(match &mut self.even {
-            Some(even) => even.put_back(ns, line),
-            None => ns,
-        })
+        ns
     }
 
     fn stamp(&mut self, cells: Cells<'_>, line: u64) -> Option<i128> {
@@ -217,7 +212,13 @@ impl Clock {
     }
 
     /// Adds the clock's findings; `origin_ns` is the first row's time.
-    pub fn report(&self, time: &TimeMap, origin_ns: Option<i128>, findings: &mut Vec<Finding>) {
+    pub fn report(
+        &self,
+        time: &TimeMap,
+        even: Option<&EvenRows>,
+        origin_ns: Option<i128>,
+        findings: &mut Vec<Finding>,
+    ) {
         if let Some(line) = self.beyond_bits {
             findings.fault_at(
                 "unwrap",
@@ -251,7 +252,7 @@ impl Clock {
                 ),
             );
         }
-        if let Some(even) = &self.even {
+        if let Some(even) = even {
             even.report(findings);
         }
         self.report_zones(findings);

@@ -17,6 +17,7 @@ mod time;
 use std::io;
 
 use crate::check::{Finding, Severity};
+use crate::layout::listed;
 use crate::map::Map;
 use crate::source::Source;
 use crate::survey::survey;
@@ -95,7 +96,7 @@ pub fn guess(source: &(impl Source + ?Sized)) -> io::Result<Result<Guess, GuessE
     shape.complete(&stats);
     let columns = || {
         let names: Vec<&str> = shape.columns.iter().map(|c| c.name.as_str()).collect();
-        names.join(" | ")
+        listed(&names)
     };
     let Some(time) = time::find(&shape, &stats) else {
         return Ok(Err(GuessError::NoTime { columns: columns() }));

@@ -50,6 +50,35 @@ pub(crate) fn is_aside(file: &FileMap, line: &str) -> bool {
     line.trim().is_empty() || comment.is_some_and(|c| line.trim_start().starts_with(c))
 }
 
+/// Names that are listed in a message, and characters of each: a message is read.
+const NAMES_MAX: usize = 40;
+const NAME_MAX: usize = 40;
+
+/// A cell as a message shows it: one that is no text is not shown.
+pub(crate) fn shown(cell: &str) -> String {
+    if cell.contains(|c: char| c.is_control() || c == '\u{fffd}') {
+        return "(no text)".to_owned();
+    }
+    match cell.char_indices().nth(NAME_MAX) {
+        Some((end, _)) => format!("{}...", &cell[..end]),
+        None => cell.to_owned(),
+    }
+}
+
+/// Names of columns as a message lists them.
+pub(crate) fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let mut words: Vec<String> = names
+        .iter()
+        .take(NAMES_MAX)
+        .map(|n| shown(n.as_ref()))
+        .collect();
+    let more = names.len().saturating_sub(NAMES_MAX);
+    if more > 0 {
+        words.push(format!("and {more} more"));
+    }
+    words.join(" | ")
+}
+
 impl Layout {
     /// Looks at the beginning of a file.
     pub fn find(source: &(impl Source + ?Sized), file: &FileMap) -> io::Result<Layout> {
@@ -140,7 +169,7 @@ impl Layout {
             let words = if named.is_empty() {
                 "the header ends in names that are empty".to_owned()
             } else {
-                format!("'{}' stands in no row", named.join("', '"))
+                format!("'{}' stands in no row", listed(&named))
             };
             notes.info(
                 "empty_columns",
@@ -183,7 +212,7 @@ impl Layout {
                     "column_missing",
                     format!(
                         "{key}: no column '{name}' in the header ({}); separator '{}'{}",
-                        self.header.join(" | "),
+                        listed(&self.header),
                         self.separator,
                         self.hint(name)
                     ),

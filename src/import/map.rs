@@ -177,6 +177,8 @@ pub struct TimeMap {
     pub epoch_ns: i128,
     /// UNIX time of zero for a relative clock \[s\].
     pub start_unix_s: Option<f64>,
+    /// Which run, from 1, of a clock that was started anew in the file; `None` = it never was.
+    pub boot: Option<u32>,
     /// Only rows from here on \[s after the first row\].
     pub from_s: Option<f64>,
     /// Only rows up to here \[s after the first row\].

@@ -12,6 +12,7 @@ mod head;
 mod json;
 mod mcap;
 mod message;
+pub(crate) mod order;
 mod packed;
 mod packed_file;
 mod protobuf;
@@ -32,12 +33,12 @@ use crate::check::{Finding, FindingList};
 use crate::map::Map;
 use crate::source::{Source, State};
 pub use contents::{Contents, FieldContents, TopicContents};
+pub use hydroline_log::foreign::Foreign;
+use hydroline_log::foreign::{self, Content};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
+pub(crate) use packed_file::Packing;
 use packed_file::Unpacked;
-
-/// Bytes that tell the kind.
-const HEAD_BYTES: u64 = 4096;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -49,19 +50,31 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(head: &[u8]) -> Option<Kind> {
-        if head.starts_with(b"\x89MCAP0\r\n") {
-            Some(Kind::Mcap)
-        } else if head.starts_with(b"SQLite format 3\0") {
-            Some(Kind::Db3)
-        } else if head.starts_with(&[0xa3, 0x95, 0x80]) {
-            Some(Kind::DataFlash)
-        } else if head.starts_with(&ulog::MAGIC) {
-            Some(Kind::ULog)
-        } else if telemetry::begins(head) {
-            Some(Kind::Telemetry)
-        } else {
-            None
+    /// Kind of a log that is read here; `None` = it may be a table.
+    fn of(head: &[u8]) -> Result<Option<Kind>, RecordedError> {
+        Ok(Some(match Content::of(head) {
+            Content::Mcap => Kind::Mcap,
+            Content::Sqlite => Kind::Db3,
+            Content::DataFlash => Kind::DataFlash,
+            Content::Telemetry => Kind::Telemetry,
+            Content::ULog => Kind::ULog,
+            Content::Other(Foreign { what, next }) => {
+                return Err(RecordedError::NotRead { what, next });
+            }
+            Content::Text => return Ok(None),
+        }))
+    }
+
+    /// Way on with a damaged log of the kind.
+    fn mending(self) -> &'static str {
+        match self {
+            Kind::Mcap => "`hydroline recover` writes what is sound into a new file",
+            Kind::Db3 => {
+                "`sqlite3 FILE .recover | sqlite3 NEW.db3` writes what is sound into a new file"
+            }
+            Kind::DataFlash | Kind::Telemetry | Kind::ULog => {
+                "fetch it anew from the vehicle or the ground station, as it was there"
+            }
         }
     }
 
@@ -139,9 +152,9 @@ impl Recording {
         let Some(first) = files.files.first() else {
             return Ok(None);
         };
-        let head = head::head(first, HEAD_BYTES)?;
-        let Some(kind) = Kind::of(&head) else {
-            return head::not_read(&head).map_or(Ok(None), Err);
+        let head = head::head(first, foreign::HEAD_BYTES)?;
+        let Some(kind) = Kind::of(&head)? else {
+            return Ok(None);
         };
         let states: Result<Vec<State>, _> = files.files.iter().map(|f| State::of(f)).collect();
         let states = states?;
@@ -226,6 +239,7 @@ impl Recording {
             let damage = cause.message.split("; ").next().unwrap_or_default();
             return Err(RecordedError::Damaged {
                 damage: damage.to_owned(),
+                next: self.kind.mending(),
             });
         }
         let chosen = |topic: &str| self.is_chosen(topic);
@@ -323,3 +337,6 @@ impl Source for RecordedTable {
         Ok(Box::new(copy))
     }
 }
+
+#[cfg(test)]
+mod tests;

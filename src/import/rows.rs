@@ -4,7 +4,7 @@ use std::io::{self, Read};
 
 use crate::cells::{Cells, Splitter};
 use crate::check::{Finding, FindingList};
-use crate::layout::{Layout, is_aside};
+use crate::layout::{Layout, is_aside, shown};
 use crate::map::{FileMap, Separator};
 use crate::text::Lines;
 
@@ -220,7 +220,9 @@ impl Cut {
         }
         let words = format!(
             "the last cell of the file, '{}' on line {}, is shorter than any other of its column (at least {} characters) and no line end follows",
-            self.last, self.last_line, self.shortest
+            shown(&self.last),
+            self.last_line,
+            self.shortest
         );
         Some(if !self.uneven && decimals(&self.last) < self.decimals {
             Finding::fault(

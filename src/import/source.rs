@@ -5,7 +5,10 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use hydroline_log::foreign::{self, Content, Foreign};
 use hydroline_rigs::bounded::{STREAM_BYTES, is_stream, open_once};
+
+use crate::recorded::Packing;
 
 /// Something that can be read from its beginning, again and again.
 pub trait Source {
@@ -75,7 +78,8 @@ impl Source for [u8] {
     }
 }
 
-/// A file; what has no beginning to go back to (standard input as `-`, a pipe) is copied to a scratch file first.
+/// A file; what has no beginning to go back to (standard input as `-`, a pipe) is copied to a scratch file first, what is packed
+/// is unpacked there.
 #[derive(Debug)]
 pub struct TableFile {
     path: PathBuf,
@@ -89,7 +93,7 @@ impl TableFile {
     ///
     /// # Errors
     /// Those of the file; [`io::ErrorKind::NotSeekable`] of a device, or of a pipe that nobody handed over;
-    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`].
+    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`], [`io::ErrorKind::InvalidData`] for what does not unpack.
     pub fn open(path: &Path) -> io::Result<TableFile> {
         let mut copy = None;
         let once = open_once(path)?;
@@ -108,24 +112,57 @@ impl TableFile {
             Some(_) => None,
             None => Some(State::of(path)?),
         };
-        Ok(TableFile {
+        let mut table = TableFile {
             path: path.to_owned(),
             copy,
             state,
-        })
+        };
+        if let Some(packing) = Packing::of(&table.head()?) {
+            let packed = match &table.copy {
+                Some(copy) => rewound(copy)?,
+                None => File::open(path)?,
+            };
+            let bytes = packed.metadata()?.len();
+            let scratch = tempfile::tempfile()?;
+            packing.unpack(packed, bytes, &scratch)?;
+            table.copy = Some(scratch);
+        }
+        Ok(table)
     }
+
+    fn head(&self) -> io::Result<Vec<u8>> {
+        let mut head = Vec::new();
+        self.open_bytes()?
+            .take(foreign::HEAD_BYTES)
+            .read_to_end(&mut head)?;
+        Ok(head)
+    }
+
+    fn open_bytes(&self) -> io::Result<File> {
+        match &self.copy {
+            Some(copy) => rewound(copy),
+            None => File::open(&self.path),
+        }
+    }
+
+    /// Kind of the file and the way on, if it is no text.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn foreign(&self) -> io::Result<Option<Foreign>> {
+        Ok(Content::of(&self.head()?).foreign())
+    }
+}
+
+fn rewound(file: &File) -> io::Result<File> {
+    let mut copy = file.try_clone()?;
+    copy.seek(SeekFrom::Start(0))?;
+    Ok(copy)
 }
 
 impl Source for TableFile {
     fn open(&self) -> io::Result<Box<dyn Read + '_>> {
-        match &self.copy {
-            Some(copy) => {
-                let mut copy = copy.try_clone()?;
-                copy.seek(SeekFrom::Start(0))?;
-                Ok(Box::new(copy))
-            }
-            None => Ok(Box::new(File::open(&self.path)?)),
-        }
+        Ok(Box::new(self.open_bytes()?))
     }
 
     fn unchanged(&self) -> io::Result<()> {

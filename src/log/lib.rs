@@ -34,6 +34,7 @@ mod entry;
 mod expansion;
 pub mod export;
 mod file_recorder;
+pub mod foreign;
 pub mod held;
 mod image_topics;
 mod indexed;
@@ -138,6 +139,13 @@ pub enum LogError {
     Empty { path: PathBuf },
     #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
     NotMcap { path: PathBuf, found: Vec<u8> },
+    #[error("{}: it is {what}, no log of hydroline; {next}", path.display())]
+    Foreign {
+        path: PathBuf,
+        what: String,
+        /// Way to a log.
+        next: String,
+    },
     #[error("{}: at byte {offset}: {damage}; `hydroline recover` writes what is sound into a new file", path.display())]
     Damaged {
         path: PathBuf,

@@ -13,6 +13,7 @@ use mcap::records::op;
 
 use super::LogError;
 use super::expansion::Expansion;
+use super::foreign;
 use super::part::MetadataMap;
 use super::records::{
     self, ChannelRecord, ChunkRecord, Damage, Declared, Located, MessageRecord, Records,
@@ -93,6 +94,7 @@ pub(super) type FileScan = Scan<BufReader<File>>;
 pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
     let file = bounded::open(path).map_err(LogError::read(path))?;
     Scan::of_file(path, BufReader::with_capacity(1 << 18, file))
+        .map_err(|error| foreign::named(path, error))
 }
 
 impl<R: BufRead> Scan<R> {

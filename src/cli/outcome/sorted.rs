@@ -63,6 +63,7 @@ impl Sorted for LogError {
     fn is_input(&self) -> bool {
         match self {
             Self::NotMcap { .. }
+            | Self::Foreign { .. }
             | Self::Empty { .. }
             | Self::Exists { .. }
             | Self::OutputExists { .. }

@@ -169,7 +169,7 @@ impl Clocks {
             });
             let hint = turn.map_or(String::new(), |(bits, _, unit)| {
                 format!(
-                    "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}"
+                    "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}; a clock that was started anew? boot = 2 takes the second run"
                 )
             });
             findings.fault_at(

@@ -390,7 +390,9 @@ fn turns(column: &Column, time: &mut Time) {
     }
     let bits = [16, 24, 32, 48].into_iter().find(|b| {
         let full = 2f64.powi(*b);
-        column.high < full && column.back_most > 0.5 * full && column.low >= 0.0
+        // One that ends far from its last count was started anew.
+        let ends = 0.9 * full..full;
+        ends.contains(&column.high) && column.back_most > 0.5 * full && column.low >= 0.0
     });
     match bits {
         Some(bits) if column.whole => {
@@ -401,7 +403,7 @@ fn turns(column: &Column, time: &mut Time) {
             time.keys.push(format!("unwrap = {bits}"));
         }
         _ => time.questions.push(format!(
-            "time goes back {} time(s), by {} at most",
+            "time goes back {} time(s), by {} at most; where its clock was started anew, boot = 2 takes the second run",
             column.back, column.back_most
         )),
     }

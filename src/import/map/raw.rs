@@ -54,6 +54,7 @@ pub struct RawTime {
     pub unwrap: Option<u32>,
     pub clock: Option<String>,
     pub start_unix_s: Option<f64>,
+    pub boot: Option<u32>,
     pub from_s: Option<f64>,
     pub to_s: Option<f64>,
     pub compare_column: Option<RawColumn>,

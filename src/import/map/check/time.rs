@@ -13,6 +13,8 @@ const SPREADSHEET_DAYS: i128 = 25_569;
 const MATLAB_DAYS: i128 = 719_529;
 /// Seconds from LabVIEW's zero (1904-01-01) to 1970-01-01.
 const LABVIEW_S: i128 = 2_082_844_800;
+/// Runs of one file that can be chosen.
+const RUNS_MAX: u32 = 10_000;
 const SECOND_NS: i128 = 1_000_000_000;
 const DAY_NS: i128 = 86_400_000_000_000;
 
@@ -144,6 +146,16 @@ impl Checker<'_> {
                 return self.bad("time.clock", other, "it must be relative or unix");
             }
         }
+        let counts = matches!(source, TimeSource::Numbers(_) | TimeSource::Frames(_)) && !unix;
+        if let Some(boot) = raw.boot.filter(|b| !(1..=RUNS_MAX).contains(b) || !counts) {
+            return self.bad(
+                "time.boot",
+                boot,
+                format!(
+                    "it is which run (1 .. {RUNS_MAX}) of a counter that starts anew; dates and UNIX times do not: from_s and to_s choose rows of those"
+                ),
+            );
+        }
         for (key, value) in [
             ("start_unix_s", raw.start_unix_s),
             ("from_s", raw.from_s),
@@ -182,6 +194,7 @@ impl Checker<'_> {
             unix,
             epoch_ns,
             start_unix_s: raw.start_unix_s,
+            boot: raw.boot,
             from_s: raw.from_s,
             to_s: raw.to_s,
             compare,
