@@ -19,14 +19,17 @@ MAP.toml says which column is what; everything but one channel or command and th
   [file]            separator = \",\" (\"\\t\" \";\" \"blanks\")  decimal = \".\"  encoding = \"utf-8\" (utf-16 latin1)
                     comment = \"#\"  header_line = 4  units_line = 5  first_line, last_line  header = false
                     thousands = \",\" (\".\" \"'\" \" \"): between groups of three digits, 1,234.5
+                    widths = [9, 9, 12] in place of a separator: characters of each column
   [time]            column = \"t\"  unit = \"s\" (ms us ns min h d spreadsheet_days matlab_days iso8601)
                     columns = [\"Date\", \"Time\"]  format = \"%d.%m.%Y %H:%M:%S%.f\";  columns = [1, 2]  unit = [\"s\", \"ns\"]
                     rate_hz = 100: rows without time, a frame column without unit, or rounded stamps put back
                     boot = 2: the second run of a counter that starts anew in the file (an autopilot that restarted)
                     unwrap = 32 (bits of a counter)  clock = \"relative\" (unix)  start_unix_s
+                    utc_offset = \"+02:00\": of stamps that state none
                     from_s, to_s: only these rows; compare_column, compare_unit: a second clock
   [motion.phi_rad]  column = \"roll\" (or its number)  nth = 2 (of one name)  unit = \"deg\"  sign = -1  scale = 1
-                    offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)  missing_value = 0
+                    offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)
+                    missing_value = 0, or \"OVER\", or a list of both: what else means an empty cell
                     value = 0.8 without column: a constant; u_mps v_mps w_mps: frame = \"body\" (tank)
                     beside the channels: rudder_rad elevator_rad shaft_radps wave_m
   [quaternion]      columns = [\"qx\", \"qy\", \"qz\", \"qw\"]  order = \"xyzw\" (wxyz)  axes = \"z_down\" (z_up)

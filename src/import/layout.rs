@@ -7,6 +7,7 @@ use crate::check::{Finding, FindingList};
 use crate::map::{Column, FileMap, Separator};
 use crate::source::Source;
 use crate::text::{Format, Lines};
+use crate::widths;
 
 /// Bytes that tell the encoding.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -20,6 +21,8 @@ const LINES_KEPT: usize = 100;
 pub(crate) struct Layout {
     pub format: Format,
     pub separator: Separator,
+    /// Characters of each column; empty = the separator stands between cells.
+    pub widths: Vec<usize>,
     /// Names of the columns; their numbers where the file has none.
     pub header: Vec<String>,
     /// Units of the columns; empty = no line of them.
@@ -89,6 +92,7 @@ impl Layout {
         let mut layout = Layout {
             format,
             separator: file.separator.unwrap_or(Separator::Byte(b',')),
+            widths: file.widths.clone(),
             header: Vec::new(),
             units: Vec::new(),
             first_line: file.first_line.unwrap_or(1),
@@ -96,7 +100,7 @@ impl Layout {
             head: Vec::new(),
             decimal: file.decimal,
         };
-        let mut splitter = Splitter::new(layout.separator);
+        let mut splitter = Splitter::of(layout.separator, &file.widths);
         let (mut named, mut counts) = (!file.header, Vec::<usize>::new());
         while let Some((number, line)) = lines.next_line()? {
             if layout.head.len() < LINES_KEPT {
@@ -106,12 +110,18 @@ impl Layout {
             }
             if let Some(separator) = separator_line(number, line) {
                 layout.separator = file.separator.unwrap_or(separator);
-                splitter = Splitter::new(layout.separator);
+                splitter = Splitter::of(layout.separator, &file.widths);
                 layout.first_line = layout.first_line.max(number + 1);
                 continue;
             }
             let cells = splitter.split(line);
-            let own = || cells.iter().map(str::to_owned).collect();
+            let own = || {
+                if file.widths.is_empty() {
+                    cells.iter().map(str::to_owned).collect()
+                } else {
+                    widths::names(line, &file.widths)
+                }
+            };
             // A line that the map names is taken even if it begins like a comment.
             let is_header = match file.header_line {
                 Some(stated) => number == stated,
@@ -141,6 +151,25 @@ impl Layout {
             layout.header = (1..=layout.usual).map(|n| n.to_string()).collect();
         }
         Ok(layout)
+    }
+
+    /// Division of a line into cells, for messages.
+    fn between(&self) -> String {
+        if self.widths.is_empty() {
+            format!("separator '{}'", self.separator)
+        } else {
+            widths::words(&self.widths)
+        }
+    }
+
+    /// Widths of the columns where blanks separate them and a line of so many characters has all of them: its numbers run together.
+    pub fn run_together(&self, characters: usize) -> Option<Vec<usize>> {
+        if self.separator != Separator::Blanks || !self.widths.is_empty() {
+            return None;
+        }
+        let data = self.head.iter().filter(|l| l.0 >= self.first_line);
+        let seen = widths::seen(data.map(|l| l.1.as_str()), self.usual)?;
+        (seen.iter().sum::<usize>() == characters).then_some(seen)
     }
 
     /// Cells beyond this one belong to no column.
@@ -191,8 +220,8 @@ impl Layout {
                     findings.fault(
                         "column_missing",
                         format!(
-                            "{key}: no column {n}, there are {there}; separator '{}'",
-                            self.separator
+                            "{key}: no column {n}, there are {there}; {}",
+                            self.between()
                         ),
                     );
                     return None;
@@ -211,9 +240,9 @@ impl Layout {
                 findings.fault(
                     "column_missing",
                     format!(
-                        "{key}: no column '{name}' in the header ({}); separator '{}'{}",
+                        "{key}: no column '{name}' in the header ({}); {}{}",
                         listed(&self.header),
-                        self.separator,
+                        self.between(),
                         self.hint(name)
                     ),
                 );

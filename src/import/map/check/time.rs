@@ -5,6 +5,7 @@ use chrono::format::{Item, StrftimeItems};
 use super::Checker;
 use crate::map::raw::{RawTime, RawUnits};
 use crate::map::{Column, MapError, TimeMap, TimeSource};
+use crate::stamp::{self, Zone};
 use crate::unit::{self, Dimension};
 
 /// Days from a spreadsheet's zero (1899-12-30) to 1970-01-01.
@@ -169,6 +170,20 @@ impl Checker<'_> {
                 );
             }
         }
+        let utc_offset_min = match raw.utc_offset.as_deref() {
+            None => None,
+            Some(text) => {
+                let dated = matches!(source, TimeSource::Iso(_) | TimeSource::Pattern(..));
+                let Some(Zone::Offset(minutes)) = stamp::zone(text).filter(|_| dated) else {
+                    return self.bad(
+                        "time.utc_offset",
+                        text,
+                        "it is the offset of stamps that state none, such as \"+02:00\" or \"Z\", for unit = \"iso8601\" and format",
+                    );
+                };
+                Some(minutes)
+            }
+        };
         let compare = match raw.compare_column.take() {
             None => None,
             Some(column) => {
@@ -195,6 +210,7 @@ impl Checker<'_> {
             epoch_ns,
             start_unix_s: raw.start_unix_s,
             boot: raw.boot,
+            utc_offset_min,
             from_s: raw.from_s,
             to_s: raw.to_s,
             compare,
