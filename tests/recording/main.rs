@@ -9,6 +9,7 @@ mod campaign;
 mod citations;
 mod cli_build_info;
 mod cli_errors;
+mod damaged_images;
 mod flat;
 mod formats;
 mod guide_reference;
