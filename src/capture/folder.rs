@@ -274,6 +274,12 @@ impl FolderFrames {
         self.places.iter().map(|p| u64::from(p.missing)).sum()
     }
 
+    /// File of the frame of a number.
+    pub fn file(&self, sequence: u32) -> Option<&Path> {
+        let place = self.places.iter().position(|p| p.sequence == sequence)?;
+        self.images.get(place).map(PathBuf::as_path)
+    }
+
     fn read(path: &Path, place: Place) -> Result<Frame, FolderError> {
         let failed = |source| FolderError::Read {
             path: path.to_owned(),
@@ -282,7 +288,7 @@ impl FolderFrames {
         let bytes = read_image(path).map_err(failed)?;
         // A file that is no image becomes a frame that does not decode, and is counted as one.
         let format = still_format(&bytes).unwrap_or(PixelFormat::Png);
-        let (width_px, height_px) = still_size(&bytes).unwrap_or((0, 0));
+        let (width_px, height_px) = still_size(&bytes, format).unwrap_or((0, 0));
         Ok(Frame {
             format,
             width_px,

@@ -316,7 +316,7 @@ fn each(
         );
         outcome = Outcome::Lossy;
     }
-    if let Some(words) = lacks(&report) {
+    if let Some(words) = lacks(&report, &names(args, log, &report)) {
         errln!("hydroline: {}: {words}", log.display());
         outcome = Outcome::Lossy;
     }
@@ -349,12 +349,34 @@ fn own_rig(log: &Path) -> Option<String> {
     LogReader::open(log).ok()?.rig_toml().map(str::to_owned)
 }
 
+/// Names of the frames that cannot be read: numbers, of a folder the images' files.
+fn names(args: &Args, log: &Path, report: &Report) -> Vec<String> {
+    let folder = ImageFolder::open(log).ok().filter(|_| log.is_dir());
+    let frames = folder.and_then(|f| f.frames(args.rate_hz).ok());
+    let name = |sequence: &u32| {
+        let file = frames.as_ref().and_then(|f| f.file(*sequence));
+        let file = file.and_then(Path::file_name);
+        file.map_or_else(
+            || sequence.to_string(),
+            |file| file.to_string_lossy().into_owned(),
+        )
+    };
+    report.undecodable_frames.iter().map(name).collect()
+}
+
 /// Reason why a replay is no whole result: frames that nobody can read, or that mostly have no pose.
-fn lacks(report: &Report) -> Option<String> {
+fn lacks(report: &Report, names: &[String]) -> Option<String> {
     if report.undecodable > 0 {
+        let more = report.undecodable - report.undecodable_frames.len() as u64;
         return Some(format!(
-            "{} of {} frames cannot be read and are lost; `hydroline doctor` says more",
-            report.undecodable, report.frames
+            "{} of {} frames cannot be read and are lost: {}{}; why is said above, and by `hydroline doctor` of a log",
+            report.undecodable,
+            report.frames,
+            names.join(", "),
+            match more {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            }
         ));
     }
     let without: u64 = report.without_pose.values().sum();

@@ -3,6 +3,8 @@
 mod bayer;
 mod clipping;
 mod grey;
+mod jpeg;
+mod seams;
 mod still;
 #[cfg(test)]
 mod tests;
@@ -11,6 +13,7 @@ mod yuv;
 use bytes::Bytes;
 pub use clipping::{ClippingWatch, HiddenClipping};
 pub use hydroline_rigs::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
+pub use jpeg::{JpegDamage, WholeJpeg};
 pub use still::{StillError, hidden_in_still, read_still, still_format, still_size};
 
 /// Clock of a driver's stamp (V4L2_BUF_FLAG_TIMESTAMP_*).
@@ -44,7 +47,7 @@ pub enum FrameFault {
     DriverError,
     /// Fewer bytes than the format needs.
     Truncated,
-    /// MJPG without SOI or EOI marker.
+    /// MJPG that is not whole ([`WholeJpeg`]).
     BrokenJpeg,
     /// Among the first buffers after STREAMON, or repeated content: may be stale.
     Stale,
@@ -189,6 +192,8 @@ pub enum FrameError {
         needed: u64,
         got: usize,
     },
+    #[error("frame {sequence}: damaged JPEG: {damage}")]
+    Damaged { sequence: u32, damage: JpegDamage },
     #[error("frame {sequence}: {format} does not decode: {reason}")]
     Undecodable {
         sequence: u32,

@@ -13,7 +13,7 @@ use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::FolderError;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::frame::{ClippingWatch, Frame, GreyImage, GreyRule};
+use hydroline_core::frame::{ClippingWatch, Frame, FrameError, FrameFault, GreyImage, GreyRule};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self, Stamped,
@@ -54,6 +54,8 @@ pub use smoothed::SmoothReport;
 const BATCH: usize = 64;
 /// The same while a live page shows them: something new a few times a second.
 const BATCH_SHOWN: usize = 8;
+/// Frames that are named where frames cannot be read; of more the number is enough.
+const NAMED_MAX: usize = 20;
 /// Messages held at most, however few frames are among them: a flood of small ones must not fill the memory.
 const PENDING_MAX: usize = 1 << 14;
 
@@ -103,6 +105,8 @@ pub struct Report {
     pub with_stripe: u64,
     /// Of these, frames that the camera delivered and that cannot be read: of the wrong size, or no image.
     pub undecodable: u64,
+    /// Sequence numbers of the first 20 of these.
+    pub undecodable_frames: Vec<u32>,
     /// Metadata of the log that is not as it was written, by name, in words.
     pub damaged_metadata: BTreeMap<String, String>,
     /// Frames excluded or without a stripe, by reason; the numbers in it are those of the first of its kind.
@@ -407,6 +411,17 @@ impl Kinds {
     }
 }
 
+/// Whether a frame that nothing marks as faulty is a damaged JPEG.
+fn is_damaged(frame: &Frame, rule: &GreyRule) -> bool {
+    let unmarked = frame.meta.fault.is_none();
+    unmarked && matches!(frame.to_grey(rule), Err(FrameError::Damaged { .. }))
+}
+
+/// Whether a frame that nothing marks as faulty cannot be read.
+fn is_unread(frame: &Frame, rule: &GreyRule) -> bool {
+    frame.meta.fault.is_none() && frame.to_grey(rule).is_err()
+}
+
 fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
     !calibration.state.is_empty() && calibration.state != message::IN_FORCE
 }
@@ -476,13 +491,21 @@ impl Replay<'_> {
         let entry = match message.record {
             Record::Frame(frame) => {
                 if self.options.keep_images {
+                    let damaged = analysed.as_ref().is_some_and(|(profile, _)| {
+                        !profile.fault.is_empty() && is_damaged(&frame, &self.options.rule)
+                    });
+                    let mut kept = frame.clone();
+                    if damaged {
+                        // The new log says what the one it was made of did not.
+                        kept.meta.fault = Some(FrameFault::BrokenJpeg);
+                    }
                     // The frame writes its account itself; only the recording's index is taken over.
                     let own = self
                         .info
                         .take_if(|(_, info)| info.sequence == frame.meta.sequence);
                     self.release_info()?;
                     let index = own.map_or(self.index, |(_, info)| info.frame_index);
-                    self.writer.write(log_ns, &Entry::frame(&frame, index))?;
+                    self.writer.write(log_ns, &Entry::frame(&kept, index))?;
                 }
                 self.index += 1;
                 if let Some((profile, pixels)) = analysed {
@@ -649,8 +672,12 @@ impl Replay<'_> {
             report.with_stripe += 1;
         } else {
             // Frames without a stripe are few: reading one again to know why costs nothing that counts.
-            let unread = frame.meta.fault.is_none() && frame.to_grey(&self.options.rule).is_err();
-            report.undecodable += u64::from(unread);
+            if is_unread(frame, &self.options.rule) {
+                report.undecodable += 1;
+                if report.undecodable_frames.len() < NAMED_MAX {
+                    report.undecodable_frames.push(frame.meta.sequence);
+                }
+            }
             self.kinds.count(&mut report.without_stripe, &profile.fault);
         }
         let key = (stamp_ns, profile.sequence);

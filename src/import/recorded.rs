@@ -289,6 +289,9 @@ impl Recording {
                     None,
                     format!("{words}{bytes}; import what is sound with --accept-faults"),
                 )
+            } else if u.what.starts_with("images of ") {
+                let way = "nothing is imported of images; `hydroline replay` leaves these out and counts them";
+                Finding::warning("damaged_images", None, format!("{words}; {way}"))
             } else if u.what.starts_with("gaps") {
                 Finding::warning("dropouts", None, words)
             } else {

@@ -165,6 +165,10 @@ impl Gather {
 }
 
 impl Sink for Gather {
+    fn checks_images(&self) -> bool {
+        true
+    }
+
     fn wants(&mut self, topic: &str, _: &str, bytes: usize) -> bool {
         let place = self.places.get(topic);
         bytes <= LARGE_BYTES || place.is_none_or(|p| self.topics[*p].messages < LARGE_LOOKED_AT)

@@ -176,6 +176,10 @@ pub(super) trait Sink {
     fn wants(&mut self, topic: &str, schema: &str, bytes: usize) -> bool;
     /// A message that was wanted.
     fn message(&mut self, message: &Message<'_>) -> io::Result<()>;
+    /// Whether images are held against damage: once for a log is enough.
+    fn checks_images(&self) -> bool {
+        false
+    }
     /// One that was not, or could not be decoded.
     fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>);
 }

@@ -9,7 +9,7 @@ use crate::reader::Record;
 use crate::records::{ChannelRecord, Damage};
 use crate::topic::Topic;
 use hydroline_core::event::Severity;
-use hydroline_core::frame::{ClippingWatch, GreyRule};
+use hydroline_core::frame::{ClippingWatch, FrameError, GreyRule};
 
 /// Realtime steps beyond this are reported \[ns\].
 const STEP_NS: i128 = 10_000_000;
@@ -61,6 +61,9 @@ pub(super) struct Frames {
     pub(super) unexplained: u64,
     pub(super) faulty: u64,
     pub(super) short: u64,
+    /// Damaged images that nothing marks, and the first of them in words.
+    pub(super) damaged: u64,
+    pub(super) first_damage: Option<String>,
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
@@ -158,7 +161,13 @@ impl Checks {
                 self.frames.images += 1;
                 self.frames.image_due = false;
                 if frame.meta.fault.is_none() {
-                    self.frames.short += u64::from(frame.to_grey(&self.rule).is_err());
+                    match frame.to_grey(&self.rule) {
+                        Err(error @ FrameError::Damaged { .. }) => {
+                            self.frames.damaged += 1;
+                            self.frames.first_damage.get_or_insert(error.to_string());
+                        }
+                        read => self.frames.short += u64::from(read.is_err()),
+                    }
                     self.clipping.see(frame, &self.rule);
                 }
             }

@@ -199,6 +199,14 @@ impl Checks {
             let next = "exclude them; the writer should have marked them";
             self.error("image", message, next);
         }
+        if let Some(first) = &self.frames.first_damage {
+            let message = format!(
+                "{} images are damaged and not marked as faulty, the first: {first}",
+                self.frames.damaged
+            );
+            let next = "no command reads them; if there are many, check the camera's cable and what the log was copied from";
+            self.error("image", message, next);
+        }
         if self.frames.faulty > 0 {
             let message = format!(
                 "{} of {infos} frames are marked faulty and excluded from analysis",
