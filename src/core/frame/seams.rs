@@ -14,16 +14,12 @@ use super::jpeg::{Grid, JpegDamage};
 
 /// Side of a block \[px\].
 const SIDE: usize = 8;
-/// Seam energy of a block, over that of the median block, from which it is looked at.
-const OUTLYING: f32 = 6.0;
-/// Least seam energy that is looked at: a rounding of one level at every pixel of the seams (they weigh 9, 9, 1, 1).
-const ROUNDING: f32 = 20.0 * 32.0;
 /// Share of the seams' energy that one pattern has to explain, alone and with a shift of the whole block, which clipping
 /// at black or white makes of it. Half of a pattern that is clipped to half is itself, two fifths are a shift.
-const EXPLAINED: [f32; 2] = [0.45, 0.85];
+const EXPLAINED: [f32; 2] = [0.45, 0.9];
 /// Steps of quantization that a change has at least: where most coefficients are quantized to nothing, one that is not
-/// stands alone, at one step or two.
-const CHANGE_MIN: f32 = 2.5;
+/// stands alone, at one step or a few.
+const CHANGE_MIN: f32 = 4.0;
 /// Mismatch of a seam's pixel, over the usual one and that within the neighbour, from which it does not go on.
 const BEYOND: f32 = 3.0;
 /// Mismatch over the step from pixel to pixel: 2 of a step with even levels on both sides, less than this of an edge that
@@ -38,8 +34,10 @@ const ROUNDED: f32 = 0.5;
 /// or two sides, a dot as large as a block parts of all.
 const BEYOND_MIN: usize = 5;
 const SIDES_MIN: usize = 3;
-/// Step of brightness, over the scatter of all, from which its seams are followed.
-const STEP: f32 = 5.0;
+/// Scatter of the seams along a step, over the step, at most: the change is the same for all of them.
+const UNEVEN_MAX: f32 = 0.3;
+/// Range of the step along the seams, over that at the block where it begins.
+const AGREES: std::ops::Range<f32> = 0.7..1.4;
 /// Edges that a part of the seams along a step has at least.
 const PART_MIN: usize = 3;
 
@@ -151,25 +149,48 @@ fn patterns() -> Vec<[f32; 32]> {
 /// Holds an image's grey levels against its blocks.
 pub(super) fn check(pixels: &[u8], width_px: usize, grid: &Grid) -> Result<(), JpegDamage> {
     let seams = Seams::of(pixels, width_px);
-    foreign(&seams, pixels, width_px, grid)?;
-    blocks(&seams, grid)?;
-    steps(&seams, grid, width_px)
+    let usual = Usual::of(&seams, grid);
+    foreign(&seams, pixels, width_px, &usual)?;
+    blocks(&seams, grid, &usual)?;
+    steps(&seams, grid, width_px, &usual)
+}
+
+/// Standard deviations of a pixel's mismatch in a sound image.
+struct Usual {
+    noise: f32,
+    /// By the rounding of the coefficients.
+    rounding: f32,
+}
+
+impl Usual {
+    fn of(seams: &Seams, grid: &Grid) -> Self {
+        let all = seams.left.iter().chain(&seams.above).flatten();
+        let mut sizes: Vec<f32> = all.map(|m| f32::from(m.abs())).collect();
+        let squares = grid.steps.iter().map(|q| f32::from(*q).powi(2));
+        // That of a pixel where all coefficients are rounded, and the weights of 9, 9, 1, 1 of a mismatch.
+        let all_rounded = (20.0 * squares.sum::<f32>() / (12.0 * 64.0)).sqrt();
+        Usual {
+            // Rounding to levels alone makes mismatches of a few.
+            noise: 1.5 * median(&mut sizes) + 2.0,
+            rounding: ROUNDED * all_rounded,
+        }
+    }
+
+    fn pixel(&self) -> f32 {
+        self.noise.max(self.rounding)
+    }
 }
 
 /// Blocks that one pattern too much explains.
-fn blocks(seams: &Seams, grid: &Grid) -> Result<(), JpegDamage> {
-    let energies = seams.inner().map(|(row, column)| {
-        let around = seams.around(row, column);
-        dot(&around, &around)
-    });
-    let energies: Vec<f32> = energies.collect();
-    let looked_at = ROUNDING + OUTLYING * median(&mut energies.clone());
+fn blocks(seams: &Seams, grid: &Grid, usual: &Usual) -> Result<(), JpegDamage> {
+    let looked_at = 4.0 * SIDE as f32 * (BEYOND * usual.pixel()).powi(2);
     let patterns = patterns();
-    for ((row, column), energy) in seams.inner().zip(energies) {
+    for (row, column) in seams.inner() {
+        let around = seams.around(row, column);
+        let energy = dot(&around, &around);
         if energy < looked_at {
             continue;
         }
-        let around = seams.around(row, column);
         let shift = &patterns[0];
         let (shift_length, on_shift) = (dot(shift, shift), dot(&around, shift));
         let mut best: (f32, f32) = (0.0, 0.0);
@@ -202,15 +223,8 @@ fn blocks(seams: &Seams, grid: &Grid) -> Result<(), JpegDamage> {
 }
 
 /// Blocks that go on from none of their neighbours, however these look.
-fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, grid: &Grid) -> Result<(), JpegDamage> {
-    let all = seams.left.iter().chain(&seams.above).flatten();
-    let mut sizes: Vec<f32> = all.map(|m| f32::from(m.abs())).collect();
-    // Rounding alone makes mismatches of a few.
-    let noise = 1.5 * median(&mut sizes) + 2.0;
-    let squares = grid.steps.iter().map(|q| f32::from(*q).powi(2));
-    // Standard deviation of a pixel where all coefficients are rounded, and by the weights of 9, 9, 1, 1 of a mismatch.
-    let rounded = (20.0 * squares.sum::<f32>() / (12.0 * 64.0)).sqrt();
-    let usual = noise.max(ROUNDED * rounded);
+fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, usual: &Usual) -> Result<(), JpegDamage> {
+    let usual = usual.pixel();
     let mut found = Vec::new();
     for row in 0..seams.rows {
         for column in 0..seams.columns {
@@ -273,7 +287,7 @@ fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, grid: &Grid) -> Result
 }
 
 /// Steps of brightness that follow the order of the data.
-fn steps(seams: &Seams, grid: &Grid, width_px: usize) -> Result<(), JpegDamage> {
+fn steps(seams: &Seams, grid: &Grid, width_px: usize, usual: &Usual) -> Result<(), JpegDamage> {
     let mean =
         |edge: &[i16; SIDE]| edge.iter().map(|m| f32::from(*m)).sum::<f32>() / (2 * SIDE) as f32;
     let left: Vec<f32> = seams.left.iter().map(mean).collect();
@@ -286,12 +300,12 @@ fn steps(seams: &Seams, grid: &Grid, width_px: usize) -> Result<(), JpegDamage> 
         group * across * down + within
     };
     let interval = grid.interval * across * down;
-    // A mean of rounded pixels is known no better than this.
-    let scatter = 1.5 * median(&mut left.iter().map(|m| m.abs()).collect::<Vec<_>>()) + 0.1;
+    // In levels: half a mismatch. Noise goes down with the mean over a side, rounding, common to all of it, does not.
+    let least = 0.5 * BEYOND * (0.5 * usual.noise).max(usual.rounding);
     for row in 0..seams.rows {
         for column in 1..seams.columns {
             let step = left[row * seams.columns + column];
-            if step.abs() < STEP * scatter {
+            if step.abs() < least {
                 continue;
             }
             let from = order(row, column);
@@ -302,29 +316,34 @@ fn steps(seams: &Seams, grid: &Grid, width_px: usize) -> Result<(), JpegDamage> 
             let is_off = |row: usize, column: usize| (from..to).contains(&order(row, column));
             // Seams between what is off and what is not, in the group's row and below it.
             let [mut first, mut later] = [Vec::new(), Vec::new()];
+            // The other seams of the same rows: a picture that repeats itself has them, too.
+            let [mut first_quiet, mut later_quiet] = [Vec::new(), Vec::new()];
             let top = row / down * down;
             for r in top.max(1)..(top + 2 * down).min(seams.rows) {
                 for c in 0..seams.columns {
-                    let sign = match (is_off(r - 1, c), is_off(r, c)) {
-                        (false, true) => 1.0,
-                        (true, false) => -1.0,
-                        _ => continue,
+                    let seam = above[r * seams.columns + c];
+                    let (along, quiet) = match r <= row {
+                        true => (&mut first, &mut first_quiet),
+                        false => (&mut later, &mut later_quiet),
                     };
-                    let part = if r <= row { &mut first } else { &mut later };
-                    part.push(sign * above[r * seams.columns + c]);
+                    match (is_off(r - 1, c), is_off(r, c)) {
+                        (false, true) => along.push(seam),
+                        (true, false) => along.push(-seam),
+                        _ => quiet.push(seam.abs()),
+                    }
                 }
             }
+            let is_quiet = [&mut first_quiet, &mut later_quiet]
+                .into_iter()
+                .all(|part| median(part) < UNEVEN_MAX * step.abs());
             let agree = [&mut first, &mut later].into_iter().all(|part| {
-                let count = part.len();
                 let middle = median(part);
                 let off = median(&mut part.iter().map(|v| (v - middle).abs()).collect::<Vec<_>>());
-                let sd = (1.5 * off + 0.1) / (count.max(1) as f32).sqrt();
-                count >= PART_MIN
-                    && middle.signum() == step.signum()
-                    && middle.abs() > STEP * sd
-                    && (0.5..2.0).contains(&(middle / step))
+                part.len() >= PART_MIN
+                    && off < UNEVEN_MAX * middle.abs()
+                    && AGREES.contains(&(middle / step))
             });
-            if agree {
+            if agree && is_quiet {
                 return Err(JpegDamage::Step {
                     column_px: column * SIDE,
                     row_px: row * SIDE,
