@@ -163,7 +163,7 @@ def run(bench: Bench) -> None:
             if not presses:
                 silent.append(f"{name}: no live page, exit code {code}: {text.strip()[-200:]}")
             for status, wait_s in presses:
-                took.append(wait_s)
+                took += [wait_s] if status == 200 else []
                 if status != 200:
                     silent.append(f"{name}: STOP answered with {status or 'nothing'} after {wait_s:.3f} s")
                 elif wait_s > WITHIN_S:
