@@ -61,7 +61,7 @@ fn started(options: &str) -> Vec<String> {
         .flat_map(|word| match word.as_str() {
             // systemd.service(5): a variable that is a word of its own is split at blanks, quotes respected.
             "$HYDROLINE_OPTIONS" => split(options),
-            word => vec![word.replace("%%", "%").replace("%S", "/var/lib")],
+            word => vec![word.replace("%S/", "/var/lib/").replace("%%", "%")],
         });
     let given: Vec<String> = given.collect();
     let script = given[2]
