@@ -6,6 +6,7 @@ use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
 use hydroline_calib::flat::FlatError;
 use hydroline_capture::{CaptureError, FolderError};
+use hydroline_core::descriptors::TooFew;
 use hydroline_core::frame::FrameError;
 use hydroline_daemon::record::RecordError;
 use hydroline_daemon::replay::ReplayError;
@@ -280,6 +281,7 @@ sorted! {
     FrameError: |_| false,
     hydroline_calib::map::MapError: |_| false,
     PtyError: |_| false,
+    TooFew: |_| false,
     serde_json::Error: |_| false,
     CalibError: |e| !matches!(e, CalibError::Unwritable { .. }),
     ServiceError: |e| matches!(e, ServiceError::TooSlow { .. } | ServiceError::Channels { .. }),
