@@ -87,7 +87,10 @@ pub fn telemetry_at(head: &[u8]) -> Option<usize> {
 
 /// Autopilots' records that no log can be made of: DataFlash without its formats, MAVLink without stamps.
 pub(super) fn incomplete(head: &[u8]) -> Option<Foreign> {
-    let records = head.windows(2).filter(|w| *w == &FORMAT_HEAD[..2]).count();
+    let records = head
+        .windows(2)
+        .filter(|w| w.starts_with(&FORMAT_HEAD[..2]))
+        .count();
     if records >= HEADLESS_LEAST {
         return Some(Foreign::new(
             "an ArduPilot DataFlash log without the formats that stand at its beginning (FMT records)",
