@@ -42,7 +42,7 @@ const RATES_FAST: [f64; 10] = [
 ];
 
 /// Columns that an error names.
-const COLUMNS_TOLD: usize = 4;
+const COLUMNS_NAMED: usize = 4;
 
 /// Table `[time]` of the guessed map.
 #[derive(Debug, Clone, Default)]
@@ -173,11 +173,11 @@ fn means(shape: &Shape, i: usize) -> Meaning {
 pub(super) fn unread(shape: &Shape, stats: &Stats) -> String {
     let is_unread = |i: &usize| {
         let c = &stats.columns[*i];
-        c.words > 0 && !c.is_numeric() && (*i < COLUMNS_TOLD || means(shape, *i) == Meaning::Time)
+        c.words > 0 && !c.is_numeric() && (*i < COLUMNS_NAMED || means(shape, *i) == Meaning::Time)
     };
     let unread = (0..stats.columns.len().min(shape.columns.len())).filter(is_unread);
     let words: Vec<String> = unread
-        .take(COLUMNS_TOLD)
+        .take(COLUMNS_NAMED)
         .map(|i| {
             let cell = stats.columns[i].word.as_deref().unwrap_or_default();
             let cell: String = cell.chars().take(40).collect();

@@ -2,8 +2,8 @@
 
 /// So many rows one after the other with another number of cells are no slip: the columns changed there.
 const BLOCK_ROWS: usize = 3;
-/// Changes that are told: a table that changes more often has rows of any length.
-const BLOCKS_TOLD: usize = 4;
+/// Changes that are named: a table that changes more often has rows of any length.
+const BLOCKS_NAMED: usize = 4;
 
 /// Rows one after the other whose cells may be equally many: empty ones at the end need not be written.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,7 @@ pub(super) struct Counts {
 impl Counts {
     /// A row by its cells, and by those up to the last that holds something.
     pub fn row(&mut self, line: u64, cells: usize, filled: usize) {
-        let is_full = self.blocks.len() > BLOCKS_TOLD;
+        let is_full = self.blocks.len() > BLOCKS_NAMED;
         match self.blocks.last_mut() {
             Some(b) if filled <= b.most && cells >= b.least => {
                 b.least = b.least.max(filled);
