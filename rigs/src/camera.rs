@@ -5,7 +5,7 @@ use crate::raw::{
     Kind, Quantity, Section, angle, flag, name, number, table, table_or_defaults, tables, text,
     whole, words,
 };
-use crate::{DeviceIdentity, PixelFormat, StatedResponse, YuvRange};
+use crate::{DeviceIdentity, FRAME_BYTES_MAX, PixelFormat, StatedResponse, YuvRange};
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +91,7 @@ table! {
         pub yuv_range: Option<YuvRange> = words(YuvRange::ALL).optional(),
         /// Width of the image.
         pub width_px: u32 = whole(16, 16384, "px"),
-        /// Height of the image.
+        /// Height of the image. A frame takes at most 67108864 bytes (64 MiB).
         pub height_px: u32 = whole(16, 16384, "px"),
         /// Frame rate that the camera is asked for.
         pub rate_fps: f64 = number(0.1, 1000.0, "frames per second"),
@@ -208,6 +208,19 @@ fn held_against_format(typed: &CameraTyped, s: &Section<'_>) {
                 "Enter an even number or another pixel_format",
             );
         }
+    }
+    let (Some(width_px), Some(height_px)) = (typed.width_px, typed.height_px) else {
+        return;
+    };
+    let bytes = format.counted_bytes(width_px, height_px);
+    if bytes > FRAME_BYTES_MAX {
+        s.rule(
+            "height_px",
+            format!(
+                "a frame of {width_px} x {height_px} px in {name} has {bytes} bytes, and at most {FRAME_BYTES_MAX} are recorded"
+            ),
+            "Enter a smaller image, or a pixel_format with fewer bytes per pixel",
+        );
     }
 }
 

@@ -56,7 +56,9 @@ pub use error::{Problem, ProblemKind, RigError};
 pub use identified::Identified;
 pub use laser::{FlatPort, Laser, Mounts};
 pub use physics::{ParameterValue, PhysicsEntry};
-pub use pixel_format::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
+pub use pixel_format::{
+    BayerDepth, BayerOrder, Channel, FRAME_BYTES_MAX, GreyRule, PixelFormat, YuvRange,
+};
 pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use response::StatedResponse;
 pub use rig::Rig;

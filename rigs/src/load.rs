@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::bounded::is_stdin;
 use crate::builtin;
 use crate::error::{RigError, nearest};
 use crate::raw::{Includes, Problems, Table, Writer, read_document, read_text};
@@ -13,7 +14,8 @@ fn names(kind: &str) -> Vec<&'static str> {
 
 /// A path when a file is there or it looks like a path, otherwise a built-in name.
 fn is_path(arg: &str) -> bool {
-    Path::new(arg).is_file() || arg.contains('/') || arg.ends_with(".toml")
+    let path = Path::new(arg);
+    path.is_file() || is_stdin(path) || arg.contains('/') || arg.ends_with(".toml")
 }
 
 type Read<T> = Result<T, RigError>;

@@ -1,5 +1,9 @@
 //! Pixel formats: their names here, at V4L2 and in bytes, in one place for everything that captures, logs and reads them.
 
+/// Bytes of the largest frame that is recorded and read again: 8192 x 8192 pixels of one byte, twice what sensors of
+/// machine vision have. Rigs, the log's writer and its readers know this one limit.
+pub const FRAME_BYTES_MAX: u64 = 64 << 20;
+
 /// Order of the colours of a Bayer mosaic, named by its first four pixels: two of the first row, two of the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum BayerOrder {
@@ -213,6 +217,15 @@ impl PixelFormat {
         let before = self.memory_rows(height_px).saturating_sub(1);
         // The last row's padding need not be there.
         stride.saturating_mul(before).saturating_add(row)
+    }
+
+    /// Bytes that a camera's image of this size counts for against [`FRAME_BYTES_MAX`]: its own, of a compressed one those
+    /// of its pixels as grey levels, which it unpacks to.
+    pub fn counted_bytes(self, width_px: u32, height_px: u32) -> u64 {
+        match self.is_compressed() {
+            true => u64::from(width_px) * u64::from(height_px),
+            false => self.image_bytes(width_px, height_px, 0),
+        }
     }
 }
 

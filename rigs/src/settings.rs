@@ -1,5 +1,6 @@
 //! Tank, limits, tolerance and logging settings.
 
+use crate::FRAME_BYTES_MAX;
 use crate::channel::PerChannel;
 use crate::raw::{Kind, Quantity, Section, angle, angles, interval, number, numbers, whole};
 
@@ -137,7 +138,7 @@ table! {
         /// Size of the queue between capture and writer; beyond it new frames are dropped and counted.
         pub queue_bytes: u64 = whole(1 << 20, 1 << 40, "bytes").or(256 * MIB),
         /// Largest size of a chunk of the file; at most `queue_bytes`.
-        pub chunk_bytes: u64 = whole(4096, 64 << 20, "bytes").or(MIB),
+        pub chunk_bytes: u64 = whole(4096, FRAME_BYTES_MAX as i64, "bytes").or(MIB),
         /// Longest time for which a chunk stays open.
         pub chunk_age_s: f64 = number(0.01, 60.0, "s").or(1.0),
         /// Longest time for which a command or an event waits in an open chunk.

@@ -3,6 +3,7 @@
 use crate::store::Key;
 use crate::survey::{Found, Identity, RigToml};
 use chrono::{DateTime, Utc};
+use hydroline_core::clock::{Clock, SystemClock, doubt};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -19,6 +20,8 @@ pub struct Group {
     pub water: String,
     /// Days, in order.
     pub days: Vec<Day>,
+    /// Logs whose clock is doubted, by place in the list of logs: they are of no day.
+    pub undated: Vec<usize>,
 }
 
 /// A group's logs of one day (UTC).
@@ -36,8 +39,13 @@ pub fn date(unix_ns: u64) -> String {
     at.format("%Y-%m-%d").to_string()
 }
 
-/// Groups of the logs that can be used, the first seen first.
+/// Groups of the logs that can be used, the first seen first, by the host's clock.
 pub fn groups(logs: &[Found]) -> Vec<Group> {
+    groups_at(logs, SystemClock.triple().realtime_ns)
+}
+
+/// The same at a time: logs from before any clock that was set, or from after `now_ns`, have no day.
+pub fn groups_at(logs: &[Found], now_ns: u64) -> Vec<Group> {
     let mut found: BTreeMap<String, Vec<(usize, &Identity)>> = BTreeMap::new();
     for (k, log) in logs.iter().enumerate() {
         let Ok(is) = &log.is else { continue };
@@ -52,8 +60,12 @@ pub fn groups(logs: &[Found]) -> Vec<Group> {
         .into_iter()
         .map(|(key, mut members)| {
             members.sort_by_key(|(k, is)| (is.start_ns, *k));
-            let mut days: Vec<Day> = Vec::new();
+            let (mut days, mut undated): (Vec<Day>, Vec<usize>) = (Vec::new(), Vec::new());
             for (k, is) in &members {
+                if doubt(is.start_ns, now_ns).is_some() {
+                    undated.push(*k);
+                    continue;
+                }
                 let date = date(is.start_ns);
                 match days.last_mut().filter(|d| d.date == date) {
                     Some(day) => day.logs.push(*k),
@@ -70,6 +82,7 @@ pub fn groups(logs: &[Found]) -> Vec<Group> {
                 rig_toml: first.rig_toml.clone(),
                 water: first.water.clone(),
                 days,
+                undated,
             };
             (first.start_ns, group)
         })
@@ -100,6 +113,30 @@ mod tests {
         }
     }
 
+    /// Days from here on \[s\]: 2026-01-01.
+    const NEW_YEAR_S: u64 = 1_767_225_600;
+    const NOW_NS: u64 = (NEW_YEAR_S + 10 * 86_400) * 1_000_000_000;
+
+    /// They came before and behind all days, and what changed since was said of them.
+    #[test]
+    fn logs_of_a_clock_that_was_never_set_or_is_ahead_have_no_day() {
+        let logs = [
+            log("a", "fresh", 45),
+            log("a", "fresh", NEW_YEAR_S),
+            log("a", "fresh", 4_085_942_400),
+            log("b", "fresh", 7),
+        ];
+        let found = groups_at(&logs, NOW_NS);
+        let of = |vehicle: &str| found.iter().find(|g| g.vehicle == vehicle).unwrap();
+        assert_eq!(of("a").undated, [0, 2]);
+        assert_eq!(of("a").days.len(), 1);
+        assert_eq!(of("a").days[0].logs, [1]);
+        assert_eq!(
+            (of("b").undated.as_slice(), of("b").days.len()),
+            (&[3][..], 0)
+        );
+    }
+
     #[test]
     fn vehicles_and_waters_are_apart_and_days_are_in_order() {
         let day_s = 86_400;
@@ -108,14 +145,14 @@ mod tests {
             ..log("a", "", 0)
         };
         let logs = [
-            log("a", "fresh", day_s + 5),
-            log("b", "fresh", 10),
-            log("a", "fresh", 7),
-            log("a", "salt", 8),
+            log("a", "fresh", NEW_YEAR_S + day_s + 5),
+            log("b", "fresh", NEW_YEAR_S + 10),
+            log("a", "fresh", NEW_YEAR_S + 7),
+            log("a", "salt", NEW_YEAR_S + 8),
             bad,
-            log("a", "fresh", day_s + 1),
+            log("a", "fresh", NEW_YEAR_S + day_s + 1),
         ];
-        let found = groups(&logs);
+        let found = groups_at(&logs, NOW_NS);
         let shape: Vec<(&str, &str, Vec<&[usize]>)> = found
             .iter()
             .map(|g| {
@@ -131,6 +168,6 @@ mod tests {
                 ("b", "fresh", vec![&[1]]),
             ]
         );
-        assert_eq!(found[0].days[1].date, "1970-01-02");
+        assert_eq!(found[0].days[1].date, "2026-01-02");
     }
 }

@@ -135,6 +135,13 @@ impl Store {
     /// [`StoreError::File`].
     pub fn hash(&mut self, path: &Path) -> Result<String, StoreError> {
         let meta = std::fs::metadata(path).map_err(file(path))?;
+        if !meta.is_file() {
+            // A pipe or a device would be waited for without end.
+            return Err(file(path)(std::io::Error::new(
+                std::io::ErrorKind::InvalidInput,
+                "no file with a log in it",
+            )));
+        }
         let since = meta
             .modified()
             .ok()
@@ -184,7 +191,7 @@ pub(crate) fn file(path: &Path) -> impl Fn(std::io::Error) -> StoreError + use<>
 }
 
 fn content_hash(path: &Path) -> std::io::Result<String> {
-    let mut source = std::fs::File::open(path)?;
+    let mut source = hydroline_rigs::bounded::open(path)?;
     let mut digest = Sha256::new();
     let mut block = vec![0; BLOCK_BYTES];
     loop {

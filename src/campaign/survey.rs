@@ -74,16 +74,17 @@ pub struct Identity {
 /// Looks at each file; `rig` stands for logs that carry none.
 ///
 /// # Errors
-/// [`StoreError`]: a file's content cannot be read at all.
+/// [`StoreError`]: an identity cannot be kept.
 pub fn survey(
     folder: &Path,
     paths: &[PathBuf],
     rig: Option<&Rig>,
     store: &mut Store,
 ) -> Result<Vec<Found>, StoreError> {
-    let mut hashed = Vec::with_capacity(paths.len());
+    // What cannot be read is a row, not the end: it goes by its name.
+    let mut hashed: Vec<(&PathBuf, Result<String, String>)> = Vec::with_capacity(paths.len());
     for path in paths {
-        hashed.push((path, store.hash(path)?));
+        hashed.push((path, store.hash(path).map_err(|e| e.to_string())));
     }
     let store = &*store;
     let rigs: Mutex<BTreeSet<RigToml>> = Mutex::default();
@@ -99,6 +100,16 @@ pub fn survey(
     };
     parallel::try_map_slice(&hashed, |(path, hash)| {
         let name = path.strip_prefix(folder).unwrap_or(path);
+        let found = |hash: &str, is| Found {
+            name: name.display().to_string(),
+            path: (*path).clone(),
+            hash: hash.to_owned(),
+            is,
+        };
+        let hash = match hash {
+            Ok(hash) => hash,
+            Err(why) => return Ok(found("", Err(why.clone()))),
+        };
         let mut key = Key::of("identity/1").with(hash);
         if let Some(rig) = rig {
             key = key.with(&rig.to_toml());
@@ -117,12 +128,7 @@ pub fn survey(
             rig_toml: shared(is.rig_toml),
             ..is
         });
-        Ok(Found {
-            name: name.display().to_string(),
-            path: (*path).clone(),
-            hash: hash.clone(),
-            is,
-        })
+        Ok(found(hash, is))
     })
 }
 
@@ -180,4 +186,23 @@ fn water(session: &MetadataMap) -> String {
 fn comparable(mut rig: Rig) -> Rig {
     rig.camera.seed = 0;
     rig
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A log that could not be read ended the campaign of all others.
+    #[test]
+    fn a_file_that_cannot_be_read_is_a_row_with_the_reason() {
+        let dir = tempfile::tempdir().unwrap();
+        let gone = dir.path().join("gone.mcap");
+        let none = dir.path().join("none.mcap");
+        std::fs::write(&none, b"no log").unwrap();
+        let mut store = Store::open(&dir.path().join("store")).unwrap();
+        let found = survey(dir.path(), &[gone, none], None, &mut store).unwrap();
+        assert_eq!(found.len(), 2);
+        assert!(found.iter().all(|f| f.is.is_err()), "{found:?}");
+        assert_eq!(found[0].name, "gone.mcap");
+    }
 }

@@ -77,7 +77,7 @@ impl Table {
             out.write_record(&columns)?;
             for row in rows {
                 let row = row.map_err(io::Error::other)?;
-                out.write_record(columns.iter().map(|c| word(&row, c)))?;
+                out.write_record(columns.iter().map(|c| cell(&row, c)))?;
             }
             out.flush()
         })?;
@@ -143,7 +143,8 @@ fn each_row(
             .map_or(Vec::new(), |s| s.outliers)
             .into_iter()
             .collect();
-        for k in group.days.iter().flat_map(|d| &d.logs) {
+        let dated = group.days.iter().flat_map(|d| &d.logs);
+        for k in dated.chain(&group.undated) {
             let unit = of_hash.get(campaign.logs[*k].hash.as_str()).copied();
             each(run(campaign, group, *k, unit, &outliers))?;
         }
@@ -194,15 +195,24 @@ fn run(
     let log: &Found = &campaign.logs[k];
     let mut row = head(group, Kind::Run);
     put(&mut row, "log", log.name.as_str());
+    let mut remarks: Vec<String> = Vec::new();
     if let Ok(is) = &log.is {
-        put(&mut row, "date", date(is.start_ns));
-        put(&mut row, "start_ns", is.start_ns);
+        if group.undated.contains(&k) {
+            let at = date(is.start_ns);
+            remarks.push(format!(
+                "no day: by its stamps it is of {at}, and its clock is doubted"
+            ));
+        } else {
+            put(&mut row, "date", date(is.start_ns));
+            put(&mut row, "start_ns", is.start_ns);
+        }
         put(&mut row, "plan", is.plan.as_str());
         put(&mut row, "note", is.note.as_str());
     }
     let sheet = unit.and_then(|u| Some((u, campaign.store.get::<RunSheet>(&u.key)?)));
     let Some((unit, sheet)) = sheet else {
         put(&mut row, "state", "open");
+        put(&mut row, "remarks", remarks.join("; "));
         return row;
     };
     let twice = unit.task != Task::Run { log: k };
@@ -218,8 +228,7 @@ fn run(
     for (dof, load) in &sheet.largest_load {
         put(&mut row, &format!("load_{dof}"), *load);
     }
-    let findings = sheet.findings.iter();
-    let mut remarks: Vec<String> = findings.map(ToString::to_string).collect();
+    remarks.extend(sheet.findings.iter().map(ToString::to_string));
     fitted(&mut row, &sheet.identified, &mut remarks);
     diagnosed(&mut row, &sheet.diagnosed, &mut remarks);
     if let Some(ratio) = outliers.get(&log.name) {
@@ -347,9 +356,56 @@ pub fn word(row: &Row, column: &str) -> String {
     }
 }
 
+/// The same for a spreadsheet, which takes text that begins with `=`, `+`, `-` or `@` for a formula and runs it: plans, notes and
+/// names of logs come from anyone. An apostrophe goes ahead of it, which spreadsheets hide, as in exported tables.
+fn cell(row: &Row, column: &str) -> String {
+    let mut text = word(row, column);
+    let is_text = matches!(row.get(column), Some(Value::String(_)));
+    // Spreadsheets take the wide forms of these signs for the signs, and look behind blanks.
+    let begins = text
+        .trim_start()
+        .starts_with(['=', '+', '-', '@', '＝', '＋', '－', '＠']);
+    if is_text && begins && text.parse::<f64>().is_err() {
+        text.insert(0, '\'');
+    }
+    text
+}
+
 /// Columns that are there: the fixed ones in their order, then the others by name.
 fn columns(there: &BTreeSet<String>) -> Vec<&str> {
     let first = FIRST.iter().copied().filter(|c| there.contains(*c));
     let rest = there.iter().map(String::as_str);
     first.chain(rest.filter(|c| !FIRST.contains(c))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_cell_of_text_begins_as_a_formula() {
+        let mut row = Row::new();
+        for (text, written) in [
+            (
+                "=HYPERLINK(\"http://evil.example\")",
+                "'=HYPERLINK(\"http://evil.example\")",
+            ),
+            ("+1+cmd|' /C calc'!A0", "'+1+cmd|' /C calc'!A0"),
+            ("@SUM(A1)", "'@SUM(A1)"),
+            ("-2+3", "'-2+3"),
+            ("\t=1+1", "'\t=1+1"),
+            ("\r\n=1+1", "'\r\n=1+1"),
+            ("＝1+1", "'＝1+1"),
+            ("still water", "still water"),
+            ("a=b", "a=b"),
+            ("-0.5", "-0.5"),
+            ("", ""),
+        ] {
+            row.insert("note".to_owned(), text.into());
+            assert_eq!(cell(&row, "note"), written);
+            assert_eq!(word(&row, "note"), text, "the JSON has it as it was");
+        }
+        row.insert("X_u".to_owned(), json!(-198.2));
+        assert_eq!(cell(&row, "X_u"), "-198.2");
+    }
 }

@@ -87,6 +87,8 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
                 days.push(units.len() - 1);
             }
         }
+        let undated = needed(&group.undated, &of_log);
+        all.extend(&undated);
         if group.days.len() > 1 {
             let mut key = Key::of(CHANGES).with(build);
             for day in &group.days {
@@ -106,6 +108,9 @@ pub fn units(logs: &[Found], groups: &[Group], build: &str) -> Vec<Unit> {
         let mut key = Key::of(SET).with(build).with(CHANGES);
         for day in &group.days {
             key = key.with(&joint_key(SET, &units, &needed(&day.logs, &of_log), build));
+        }
+        if !undated.is_empty() {
+            key = key.with(&joint_key(SET, &units, &undated, build));
         }
         units.push(Unit {
             name: format!("group-{}", group.id),

@@ -10,7 +10,7 @@ use crate::survey::Found;
 use crate::unit::{Task, Unit};
 use hydroline_core::run::{Channel, Run};
 use hydroline_diagnose::{Source, diagnose, read};
-use hydroline_identify::data::{LoadError, load};
+use hydroline_identify::data::{LoadError, load, memory_s};
 use hydroline_identify::{Options, identify};
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_numerics::parallel;
@@ -102,10 +102,6 @@ impl Campaign<'_> {
 
     fn run(&self, unit: &Unit, log: usize) -> Result<RunSheet, WorkError> {
         let found = &self.logs[log];
-        let rig = match &found.is {
-            Ok(is) => self.rig(&is.rig_toml)?,
-            Err(why) => return Err(WorkError::Rig(format!("{}: {why}", found.name))),
-        };
         let mut sheet = RunSheet {
             sound: false,
             findings: Vec::new(),
@@ -135,6 +131,16 @@ impl Campaign<'_> {
             }
             Err(e) => sheet.findings.push(Finding::Error(e.to_string())),
         }
+        let own = found.is.as_ref().map_err(Clone::clone);
+        let rig = match own.and_then(|is| self.rig(&is.rig_toml).map_err(|e| e.to_string())) {
+            Ok(rig) => rig,
+            // What its group needs is a sheet that says so.
+            Err(words) => {
+                sheet.identified = Err(words.clone());
+                sheet.diagnosed = Err(words);
+                return Ok(sheet);
+            }
+        };
         let mut path = found.path.clone();
         let run = match load(&path, &rig) {
             Err(LoadError::NoMotion { frames, .. }) if frames > 0 => {
@@ -259,17 +265,29 @@ impl Campaign<'_> {
             let left = earlier.into_iter().chain(day.left).collect();
             return Ok(SetSheet { left, ..day });
         }
+        let mut left: Vec<String> = earlier.into_iter().collect();
         let mut runs: Vec<usize> = match of.days.len() {
-            1 => unit.needs.clone(),
+            0 | 1 => unit.needs.clone(),
             days => (first..days)
                 .filter_map(|day| needs(Task::Day { group, day }))
                 .flat_map(|u| u.needs.clone())
                 .collect(),
         };
+        if of.days.len() > 1 && !of.undated.is_empty() {
+            // Without a change all runs are of one body, whenever they were.
+            let is_undated = |k: &&usize| matches!(self.units[**k].task, Task::Run { log } if of.undated.contains(&log));
+            match last {
+                None => runs.extend(unit.needs.iter().filter(is_undated)),
+                Some(_) => left.push(format!(
+                    "{} run(s) without a day, as their clock is doubted: before or since the last change, nobody knows",
+                    of.undated.len()
+                )),
+            }
+        }
         // A copy of a log counts once.
         let mut seen = std::collections::BTreeSet::new();
         runs.retain(|k| seen.insert(*k));
-        self.set(&runs, group, earlier.into_iter().collect())
+        self.set(&runs, group, left)
     }
 
     /// Runs together; `left` = what was left for another reason.
@@ -345,7 +363,7 @@ impl Campaign<'_> {
                 for (log, path) in &evenly(of_days.collect(), RUNS_MAX) {
                     let mut run = load(path, rig).map_err(|e| e.to_string())?;
                     run.name.clone_from(&self.logs[*log].name);
-                    all.push(run);
+                    all.extend(run.stretches(memory_s(&rig.vehicle)));
                 }
                 Ok(all)
             };

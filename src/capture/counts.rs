@@ -39,7 +39,7 @@ pub struct Excluded {
     pub driver_error: u64,
     /// Fewer bytes than the format needs.
     pub truncated: u64,
-    /// MJPG without its markers.
+    /// MJPG that is not whole: without its markers, or with coded data that do not decode to the last block.
     pub broken_jpeg: u64,
     /// First buffers after STREAMON.
     pub stale: u64,

@@ -10,6 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use hydroline_core::frame::{Frame, FrameMeta, LossBefore, PixelFormat, still_format, still_size};
+use hydroline_rigs::bounded;
 
 /// Endings of files that are taken for images.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -273,6 +274,12 @@ impl FolderFrames {
         self.places.iter().map(|p| u64::from(p.missing)).sum()
     }
 
+    /// File of the frame of a number.
+    pub fn file(&self, sequence: u32) -> Option<&Path> {
+        let place = self.places.iter().position(|p| p.sequence == sequence)?;
+        self.images.get(place).map(PathBuf::as_path)
+    }
+
     fn read(path: &Path, place: Place) -> Result<Frame, FolderError> {
         let failed = |source| FolderError::Read {
             path: path.to_owned(),
@@ -281,7 +288,7 @@ impl FolderFrames {
         let bytes = read_image(path).map_err(failed)?;
         // A file that is no image becomes a frame that does not decode, and is counted as one.
         let format = still_format(&bytes).unwrap_or(PixelFormat::Png);
-        let (width_px, height_px) = still_size(&bytes).unwrap_or((0, 0));
+        let (width_px, height_px) = still_size(&bytes, format).unwrap_or((0, 0));
         Ok(Frame {
             format,
             width_px,
@@ -304,6 +311,7 @@ impl FolderFrames {
 /// # Errors
 /// The system's, and a file beyond any image.
 pub fn read_image(path: &Path) -> io::Result<Vec<u8>> {
+    bounded::check_file(path)?;
     let length = std::fs::metadata(path)?.len();
     if length > FILE_MAX_BYTES {
         let words = format!("{length} bytes; images of up to {FILE_MAX_BYTES} are read");

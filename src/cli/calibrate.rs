@@ -45,7 +45,7 @@ A folder of images stands for them, one without images for all logs in it and be
 is reported, and the others are used.
 
 Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
-image or log; 3 done, but some of the given images or logs were refused.")]
+image or log; 3 done, but some of the given images or logs were refused, or frames of a log are damaged.")]
 pub struct Args {
     /// Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of them
     #[arg(required = true, value_name = "LOG|IMAGE|FOLDER")]
@@ -318,7 +318,16 @@ fn finish(
     } else {
         out!("{report}");
     }
-    Ok(Outcome::of(collected.refused_images > 0))
+    if collected.lost_frames > 0 {
+        errln!(
+            "hydroline: {} of {} frames and images cannot be read and were left out",
+            collected.lost_frames,
+            collected.looked
+        );
+    }
+    Ok(Outcome::of(
+        collected.refused_images > 0 || collected.lost_frames > 0,
+    ))
 }
 
 #[cfg(test)]

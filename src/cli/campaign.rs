@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Logs are found below DIR (*.mcap) and grouped by the rig that they carry, their calibration and their water; days are \
-UTC. Each run: doctor, replay where there are images and no motion, identify, diagnose. Each day, and each group since its last \
+UTC, and logs dated before 2001 or later than now have none. Each run: doctor, replay where there are images and no motion, identify, diagnose. Each day, and each group since its last \
 change: the same of all its runs together. Between days: which single change (mass, damping, thrust, one thruster) explains the later one. A log \
 that cannot be used is a row, not the end.
 
@@ -130,7 +130,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         }
         return Ok(Outcome::Done);
     }
-    work_all(&campaign)?;
+    let failures = work_all(&campaign);
     let [html, csv, lines] = FILES.map(|name| args.out.join(name));
     let table = Table::write(&campaign, &lines, &csv).map_err(CliError::run)?;
     let command: Vec<String> = std::env::args().skip(1).collect();
@@ -143,6 +143,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         print_json(&table)?;
     } else {
         print(&found, &groups, &joint);
+    }
+    if !failures.is_empty() {
+        return Err(CliError::Run(failures.join("\nhydroline: ")));
     }
     failed(&args.fail_on, &joint)?;
     match found.iter().any(|f| f.is.is_err()) {
@@ -193,8 +196,9 @@ fn own_folder(out: &Path) -> Result<(), CliError> {
     }
 }
 
-/// All units that are not done, those first that others need.
-fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
+/// All units that are not done, those first that others need; units that could not be done, each with its reason. One that
+/// fails ends no other.
+fn work_all(campaign: &Campaign<'_>) -> Vec<String> {
     let done = campaign.done();
     let open: Vec<&Unit> = (campaign.units.iter().zip(done))
         .filter_map(|(unit, is_done)| (!is_done).then_some(unit))
@@ -206,20 +210,17 @@ fn work_all(campaign: &Campaign<'_>) -> Result<(), CliError> {
     let (groups, days): (Vec<&Unit>, Vec<&Unit>) = joint
         .into_iter()
         .partition(|u| matches!(u.task, Task::Group { .. }));
+    let mut failed: Vec<String> = Vec::new();
     for stage in [runs, days, groups] {
-        let failed = parallel::map_slice(&stage, |unit| {
+        let of_stage = parallel::map_slice(&stage, |unit| {
             let result = campaign.work(unit);
             bar.inc(1);
             Some(format!("{}: {}", unit.name, result.err()?))
         });
-        let failed: Vec<String> = failed.into_iter().flatten().collect();
-        if !failed.is_empty() {
-            bar.finish_and_clear();
-            return Err(CliError::Run(failed.join("\nhydroline: ")));
-        }
+        failed.extend(of_stage.into_iter().flatten());
     }
     bar.finish_and_clear();
-    Ok(())
+    failed
 }
 
 /// One object, written row by row.
@@ -243,11 +244,16 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         }
     }
     for group in groups {
-        let runs: usize = group.days.iter().map(|d| d.logs.len()).sum();
+        let dated: usize = group.days.iter().map(|d| d.logs.len()).sum();
+        let undated = match group.undated.len() {
+            0 => String::new(),
+            n => format!(", {n} of them without a day: their clock is doubted (`doctor`)"),
+        };
         outln!(
-            "{} ({}): {runs} runs on {} day(s)",
+            "{} ({}): {} runs on {} day(s){undated}",
             group.vehicle,
             group.id,
+            dated + group.undated.len(),
             group.days.len()
         );
         let own = rows.iter().filter(|r| word(r, "group") == group.id);

@@ -171,6 +171,7 @@ fn one_run(
     let recording = Recording {
         rig: vehicle,
         plan: Some(plan),
+        withheld: None,
         conditions: &Conditions {
             note: Some("hydroline demo".to_owned()),
             ..Conditions::default()

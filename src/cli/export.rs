@@ -5,7 +5,7 @@ use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_identify::merged::Merged;
-use hydroline_log::export::{ExportOptions, Exported, export, take_back};
+use hydroline_log::export::{ExportOptions, Exported, export, is_unfinished, take_back};
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,8 +18,9 @@ Examples:
   hydroline export run.mcap --merged               # the new file run.csv: one row per pose
   hydroline export logs --merged --out tables --update    # what has no table yet
 
---merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load in force (surge_n .. \
-yaw_nm), each thruster's thrust and flags (before_commands, gap_before, frame faults); an empty cell is \"not known\".
+--merged writes t_s, timestamp_ns, pose and its sds, velocities, what was measured beside them, the load (surge_n .. \
+yaw_nm) and each thruster's thrust, each as its mean until the next row, and flags (before_commands, gap_before, loads_change_in_gap, \
+frame faults); an empty cell is \"not known\".
 
 A folder stands for all logs in it and below it. Of several logs --out is the folder in which each gets a folder (a table with \
 --merged) by its own name; a log that cannot be exported is reported, and the others are done. --update makes it a command to \
@@ -152,7 +153,7 @@ fn vacant(args: &Args, log: &Path, place: &Path) -> Result<(), CliError> {
     if place.exists() && !place.is_dir() {
         return Err(is_a_file(place));
     }
-    if place.exists() && args.out.is_none() {
+    if place.exists() && args.out.is_none() && !is_unfinished(place) {
         return Err(CliError::Config(format!(
             "{} exists: name another folder with --out{}",
             place.display(),

@@ -20,8 +20,10 @@ Examples:
   hydroline extract frame.png --annotate stripe.png
   hydroline extract frames/ --csv --channel green    # all of a folder, by the laser's colour
 
-Exit codes: 0 done; 2 bad arguments, an image that is not there, or none that is one; 3 done, but some of the given \
-files are no images.")]
+An image whose data are damaged gives no points, not even from its sound part.
+
+Exit codes: 0 done; 2 bad arguments, an image that is not there, or none that is one and whole; 3 done, but some of \
+the given files are no images, or damaged.")]
 pub struct Args {
     /// Images (PNG of 8 or 16 bits, JPEG), or folders of them
     #[arg(required = true, value_name = "IMAGE|FOLDER")]
@@ -79,7 +81,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ..ExtractorConfig::default()
     };
     let mut extractor = Extractor::new(config);
-    let mut failed = 0;
+    let [mut failed, mut damaged] = [0; 2];
     let mut objects = Vec::new();
     let rule = args.grey.over(GreyRule::default());
     for path in &images {
@@ -88,6 +90,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             Err(words) => {
                 errln!("hydroline: {}: {words}", path.display());
                 failed += 1;
+                damaged += usize::from(words.is_damage());
                 continue;
             }
         };
@@ -113,12 +116,20 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         print::json(&Printed { images: objects })?;
     }
     let given = images.len();
+    let others = failed - damaged;
+    if others > 0 && failed < given {
+        errln!("hydroline: {others} of {given} files are no images and were left out");
+    }
+    if damaged > 0 {
+        errln!("hydroline: {damaged} of {given} images are damaged and were left out");
+    }
     match failed {
         0 => Ok(Outcome::Done),
-        n if n < given => {
-            errln!("hydroline: {n} of {given} files are no images and were left out");
-            Ok(Outcome::Lossy)
-        }
+        n if n < given => Ok(Outcome::Lossy),
+        _ if damaged > 0 => Err(CliError::Config(
+            "no image is whole; take them anew, or copy them again from where they were sound"
+                .to_owned(),
+        )),
         _ => Err(CliError::Config(
             "no image was given; name PNG or JPEG images (of a log's frames: `hydroline export LOG --frames-only`)"
                 .to_owned(),

@@ -198,7 +198,7 @@ impl Series<'_> {
                 self.bar.inc(1);
                 match images::load(&file, &rule) {
                     Ok(image) => take(f64::NAN, &image)?,
-                    Err(words) => self.leave(&file, &words),
+                    Err(error) => self.leave(&file, &error.to_string()),
                 }
             }
             return Ok(());

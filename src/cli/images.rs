@@ -77,17 +77,30 @@ pub fn topic(log: &Path, named: Option<&str>) -> Result<Option<String>, CliError
     Ok(found.map(|topic| topic.topic))
 }
 
+/// Why an image file gives no grey levels.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageFileError {
+    /// The system's reason.
+    #[error(transparent)]
+    Read(#[from] std::io::Error),
+    /// The image's own.
+    #[error(transparent)]
+    Still(#[from] StillError),
+}
+
+impl ImageFileError {
+    /// Whether it is an image, and damaged.
+    pub fn is_damage(&self) -> bool {
+        matches!(self, ImageFileError::Still(StillError::Damaged(_)))
+    }
+}
+
 /// An image file's grey levels.
-pub fn load(path: &Path, rule: &GreyRule) -> Result<GreyImage, String> {
-    loaded(path, |bytes| read_still(bytes, rule))
+pub fn load(path: &Path, rule: &GreyRule) -> Result<GreyImage, ImageFileError> {
+    Ok(read_still(&read_image(path)?, rule)?)
 }
 
 /// Clipping that an image file's luma does not show.
-pub fn hidden(path: &Path, rule: &GreyRule) -> Result<Option<HiddenClipping>, String> {
-    loaded(path, |bytes| hidden_in_still(bytes, rule))
-}
-
-fn loaded<T>(path: &Path, of: impl Fn(&[u8]) -> Result<T, StillError>) -> Result<T, String> {
-    let bytes = read_image(path).map_err(|e| e.to_string())?;
-    of(&bytes).map_err(|e| e.to_string())
+pub fn hidden(path: &Path, rule: &GreyRule) -> Result<Option<HiddenClipping>, ImageFileError> {
+    Ok(hidden_in_still(&read_image(path)?, rule)?)
 }

@@ -6,7 +6,7 @@ use super::print::{self, errln, outln};
 use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_import::guess::{guess, guess_recording};
-use hydroline_import::recorded::{RecordedError, Recording};
+use hydroline_import::recorded::{Foreign, RecordedError, Recording};
 use hydroline_import::{
     Finding, Lost, Map, Options, Severity, Source, TableFile, import_table, survey,
 };
@@ -19,13 +19,17 @@ MAP.toml says which column is what; everything but one channel or command and th
   [file]            separator = \",\" (\"\\t\" \";\" \"blanks\")  decimal = \".\"  encoding = \"utf-8\" (utf-16 latin1)
                     comment = \"#\"  header_line = 4  units_line = 5  first_line, last_line  header = false
                     thousands = \",\" (\".\" \"'\" \" \"): between groups of three digits, 1,234.5
+                    widths = [9, 9, 12] in place of a separator: characters of each column
   [time]            column = \"t\"  unit = \"s\" (ms us ns min h d spreadsheet_days matlab_days iso8601)
                     columns = [\"Date\", \"Time\"]  format = \"%d.%m.%Y %H:%M:%S%.f\";  columns = [1, 2]  unit = [\"s\", \"ns\"]
                     rate_hz = 100: rows without time, a frame column without unit, or rounded stamps put back
+                    boot = 2: the second run of a counter that starts anew in the file (an autopilot that restarted)
                     unwrap = 32 (bits of a counter)  clock = \"relative\" (unix)  start_unix_s
+                    utc_offset = \"+02:00\": of stamps that state none
                     from_s, to_s: only these rows; compare_column, compare_unit: a second clock
   [motion.phi_rad]  column = \"roll\" (or its number)  nth = 2 (of one name)  unit = \"deg\"  sign = -1  scale = 1
-                    offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)  missing_value = 0
+                    offset = 0.0 (SI)  sd = 0.001  missing = \"fault\" (skip hold)
+                    missing_value = 0, or \"OVER\", or a list of both: what else means an empty cell
                     value = 0.8 without column: a constant; u_mps v_mps w_mps: frame = \"body\" (tank)
                     beside the channels: rudder_rad elevator_rad shaft_radps wave_m
   [quaternion]      columns = [\"qx\", \"qy\", \"qz\", \"qw\"]  order = \"xyzw\" (wxyz)  axes = \"z_down\" (z_up)
@@ -33,7 +37,7 @@ MAP.toml says which column is what; everything but one channel or command and th
                     scale = 35.15  offset = 0.0  between = \"hold\" (linear)  missing = \"fault\" (skip hold)
 
 A log of another program (ROS 2 in MCAP or db3, a bag's folder, Foxglove's protobuf and JSON in MCAP, ArduPilot DataFlash .bin, \
-MAVLink .tlog, PX4 .ulg) is imported with the same map. `hydroline info LOG` lists its topics and fields:
+MAVLink .tlog, PX4 .ulg; packed with gzip or zstd too) is imported with the same map. `hydroline info LOG` lists its topics and fields:
   [time]            column = \"stamp\" (the messages' own) or \"log_time\" (when recorded)  unit = \"ns\"  clock = \"unix\"
   [motion.x_m]      column = \"/odom.pose.pose.position.x\": TOPIC.FIELD, or the field alone where --topic leaves one topic
 
@@ -47,7 +51,7 @@ Examples:
 Exit codes: 0 done; 1 the log could not be written; 2 bad arguments or map, or a table with faults (nothing is \
 written); 3 done, but what --accept-faults left out is lost.")]
 pub struct Args {
-    /// Table (CSV or text) or log of another program to import
+    /// Table (CSV or text; - = standard input) or log of another program to import
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Map that says what its columns are
@@ -97,9 +101,10 @@ pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
         // These say what to do themselves.
-        own @ (RecordedError::Topic { .. } | RecordedError::NotRead { .. }) => {
-            CliError::Config(format!("{}: {own}", path.display()))
-        }
+        own @ (RecordedError::Topic { .. }
+        | RecordedError::NotRead { .. }
+        | RecordedError::Flags { .. }
+        | RecordedError::Damaged { .. }) => CliError::Config(format!("{}: {own}", path.display())),
         other => CliError::Config(format!(
             "{}: {other}; check the file, or name another",
             path.display()
@@ -119,9 +124,16 @@ fn open(args: &Args) -> Result<Input, CliError> {
             path.display(),
             args.topic[0]
         ))),
-        None => TableFile::open(path)
-            .map(Input::Table)
-            .map_err(|e| CliError::reading(path, &e, "name a table (CSV) or a log")),
+        None => {
+            let reading =
+                |e: std::io::Error| CliError::reading(path, &e, "name a table (CSV) or a log");
+            let table = TableFile::open(path).map_err(reading)?;
+            // What came through a pipe is looked at here.
+            if let Some(Foreign { what, next }) = table.foreign().map_err(reading)? {
+                return Err(about(path, RecordedError::NotRead { what, next }));
+            }
+            Ok(Input::Table(table))
+        }
     }
 }
 
@@ -151,8 +163,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             "give --map and --out, or --guess for a map".to_owned(),
         ));
     };
-    let map = Map::load(map_path)?;
-    let map_text = inputs::text(map_path, "check the path")?;
+    let (map, map_text) = Map::load_with_text(map_path)?;
     inputs::new_file("--out", out)?;
     match open(args)? {
         Input::Table(table) => write(args, build, &table, &map, Vec::new(), &map_text, out),

@@ -37,13 +37,25 @@ fn too_long(text: &str) -> String {
     )
 }
 
+/// Latest second that a log may begin in: 64 bits of nanoseconds end in 2554, and the longest run has to fit.
+const LATEST_UNIX_S: u64 = u64::MAX / 1_000_000_000 - LONGEST.as_secs();
+
 /// Reads a time as RFC 3339 in UTC, `2026-05-04T09:30:00Z`; seconds since 1970.
 pub fn time(text: &str) -> Result<u64, String> {
     let at = humantime::parse_rfc3339_weak(text)
         .map_err(|e| format!("{e}; write 2026-05-04T09:30:00Z (UTC)"))?;
-    at.duration_since(std::time::UNIX_EPOCH)
+    let since_s = at
+        .duration_since(std::time::UNIX_EPOCH)
         .map(|since| since.as_secs())
-        .map_err(|_| format!("'{text}' is before 1970"))
+        .map_err(|_| format!("'{text}' is before 1970"))?;
+    if since_s > LATEST_UNIX_S {
+        let latest = std::time::UNIX_EPOCH + Duration::from_secs(LATEST_UNIX_S);
+        return Err(format!(
+            "'{text}' is later than {}: stamps count nanoseconds since 1970 in 64 bits",
+            humantime::format_rfc3339_seconds(latest)
+        ));
+    }
+    Ok(since_s)
 }
 
 /// A length of time that is longer than nothing.
@@ -131,7 +143,7 @@ pub fn text(path: &Path, next: &str) -> Result<String, CliError> {
 pub fn readable_file(path: &Path, next: &str) -> Result<(), CliError> {
     use std::io::Read;
     // A folder opens like a file and tells only when it is read.
-    std::fs::File::open(path)
+    bounded::open(path)
         .and_then(|mut file| file.read(&mut [0]))
         .map(|_| ())
         .map_err(|e| CliError::reading(path, &e, next))

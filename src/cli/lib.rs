@@ -248,6 +248,7 @@ impl Cli {
     /// # Errors
     /// Whatever kept it from its result, sorted by exit code; a result that stdout did not take is none.
     pub fn run(self, build: BuildInfo) -> Result<Outcome, CliError> {
+        hydroline_core::descriptors::make_room()?;
         let outcome = self.dispatch(build)?;
         print::finish()?;
         Ok(outcome)

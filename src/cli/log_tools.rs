@@ -6,6 +6,7 @@ use super::{CliError, Outcome, inputs};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::plain;
 use hydroline_import::recorded::{Contents, RecordedError, Recording};
+use hydroline_log::LogError;
 use hydroline_log::doctor::Diagnosis;
 use regex_lite::{Regex, RegexBuilder};
 use std::path::{Path, PathBuf};
@@ -141,7 +142,10 @@ impl Looked {
                 })))
             }
             (Err(_), Ok(Some(recording))) => Ok(Self::Other(recording.contents().clone())),
+            // It is a log of ours, packed.
+            (Err(error @ LogError::Foreign { .. }), Err(RecordedError::Ours)) => Err(error.into()),
             // It is a log of another program, and that is why it cannot be read.
+            (Err(LogError::Foreign { .. }), Err(error)) => Err(super::import::about(log, error)),
             (
                 Err(_),
                 Err(

@@ -225,7 +225,8 @@ pub fn below(folder: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, CliError> 
             // A link to a folder may lead back here.
             if entry.file_type().map_err(failed)?.is_dir() {
                 open.push(path);
-            } else if path.is_file() && ends_like(&path, endings) {
+            // A pipe of such a name is said where it is read.
+            } else if path.metadata().is_ok_and(|m| !m.is_dir()) && ends_like(&path, endings) {
                 found.push(path);
             }
         }

@@ -1,5 +1,6 @@
 //! `hydroline record`: the daemon on the command line.
 
+mod plan_once;
 mod series;
 pub(super) mod until;
 
@@ -69,7 +70,7 @@ Examples:
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
 recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost, \
-the disk filled up, or fewer than half of the frames looked at have a pose.")]
+the disk filled up, fewer than half of the frames looked at have a pose, or the controller did not confirm neutral.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -198,6 +199,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             tank: tank.as_ref(),
         };
         let proposing = until::Proposing::begin(&session, calibration.clone())?;
+        if !args.dry_run {
+            plan_once::PlanOnce::of_service().refuse_again()?;
+        }
         let work = Work::Proposed(Box::new(proposing));
         let calibrating = Calibrating {
             calibration,
@@ -220,9 +224,26 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         }
         given => given,
     };
+    // Refused here or not at all: before anything is opened, on --dry-run as well.
+    let fitted = calibration
+        .clone()
+        .map(|c| match args.dry_run {
+            true => checked_aloud(args, &rig, &conditions, c),
+            false => checked(args, &rig, &conditions, c),
+        })
+        .transpose()?;
+    let outs: Vec<PathBuf> = match &args.out {
+        Some(out) => (1..=args.runs)
+            .map(|k| run_path(out, k, args.runs))
+            .collect(),
+        None => Vec::new(),
+    };
+    for out in &outs {
+        inputs::new_file("--out", out)?;
+    }
     let check = plan
         .as_ref()
-        .map(|plan| check_plan(&rig, plan, args, calibration.as_ref()))
+        .map(|plan| check_plan(&rig, plan, args, fitted.as_ref().map(|(c, _)| c)))
         .transpose()?;
     if args.dry_run {
         if plan.is_none() {
@@ -235,12 +256,6 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let Some(out) = &args.out else {
         return Err(CliError::Config("--out is missing".to_owned()));
     };
-    let outs: Vec<PathBuf> = (1..=args.runs)
-        .map(|k| run_path(out, k, args.runs))
-        .collect();
-    for out in &outs {
-        inputs::new_file("--out", out)?;
-    }
     let calibration_out = match &calibrate {
         Some(_) => Some(args.making.file(out)?),
         None => None,
@@ -251,6 +266,18 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         out: calibration_out,
     };
     let shown = args.live.start(!args.no_thrusters)?;
+    // The last thing before the runs: what fails above has begun no plan.
+    let withheld = match &plan {
+        Some(plan) => plan_once::PlanOnce::of_service().begin(&plan.name)?,
+        None => None,
+    };
+    let length = match (&plan, args.length) {
+        (Some(plan), None) if withheld.is_some() => Some(plan_length(plan)),
+        _ => args.length,
+    };
+    if let Some(words) = &withheld {
+        errln!("hydroline: {words}");
+    }
     let session = Session {
         args,
         rig: &rig,
@@ -260,7 +287,9 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         tank: tank.as_ref(),
     };
     let work = Work::Alike(Alike {
-        plan: plan.as_ref(),
+        plan: plan.as_ref().filter(|_| withheld.is_none()),
+        length,
+        withheld,
         rigs: run_rigs(&rig, check.as_ref(), args.runs),
         outs,
     });
@@ -452,10 +481,17 @@ fn settle(pause: Duration, session: &Session<'_>) -> Result<bool, CliError> {
 /// the beginning of coasting.
 const AROUND_PLAN_S: f64 = 1.5;
 
+/// Length of the recording of a plan.
+fn plan_length(plan: &Plan) -> Duration {
+    Duration::from_secs_f64(plan.duration_s() + AROUND_PLAN_S)
+}
+
 /// One run: everything opened, recorded, closed.
 pub(super) struct Recording<'a> {
     pub rig: &'a Rig,
     pub plan: Option<&'a Plan>,
+    /// Why the plan that was asked for is not run; `None` = it is.
+    pub withheld: Option<&'a str>,
     pub conditions: &'a Conditions,
     /// Run k of n, from 1.
     pub run: (u32, u32),
@@ -491,10 +527,7 @@ impl Recording<'_> {
     }
 
     fn length(&self) -> Option<Duration> {
-        let plan = self
-            .plan
-            .map(|p| Duration::from_secs_f64(p.duration_s() + AROUND_PLAN_S));
-        self.length.or(plan)
+        self.length.or(self.plan.map(plan_length))
     }
 
     pub fn record(&self, out: &Path) -> Result<Report, CliError> {
@@ -550,6 +583,10 @@ impl Recording<'_> {
         .map_err(CliError::Config)?;
         if let Some(words) = warning {
             head.session.insert("calibration.warning".to_owned(), words);
+        }
+        if let Some(words) = self.withheld {
+            head.session
+                .insert("plan.withheld".to_owned(), words.to_owned());
         }
         let opener = Box::new(FileParts {
             path: out.to_owned(),
@@ -641,6 +678,8 @@ struct Recorded {
     command_sets: Option<u64>,
     /// Sets of commands that the controller echoed; `None` = without thrusters.
     command_sets_echoed: Option<u64>,
+    /// Whether the controller confirmed neutral at the end; `None` = without thrusters.
+    neutral_confirmed: Option<bool>,
     /// Bytes of the log.
     bytes: u64,
     /// With --calibrate: what came of it.
@@ -679,6 +718,7 @@ fn json_report(out: &Path, report: &Report) -> Recorded {
         poses: report.poses.clone(),
         command_sets: report.thrusters.map(|t| t.sets),
         command_sets_echoed: report.thrusters.map(|t| t.echoed),
+        neutral_confirmed: report.thrusters.map(|t| !t.neutral_open),
         bytes: report.log.counts.bytes,
         calibration: report.calibration.as_ref().map(calibration),
     }

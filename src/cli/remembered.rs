@@ -33,7 +33,11 @@ impl SeenArgs {
     /// The calibration for runs of this rig; `None` = the rig's ideal camera.
     pub fn load(&self, rig: &Rig) -> Result<Option<Calibration>, CliError> {
         match &self.calibration {
-            Some(path) => Ok(Some(Calibration::load(path)?)),
+            Some(path) => {
+                let calibration = Calibration::load(path)?;
+                calibration.check_image(ImageSize::of(&rig.camera))?;
+                Ok(Some(calibration))
+            }
             None => {
                 let medium = medium::of_run(rig, &Conditions::default());
                 Memory::of_user().for_run(self.remember, rig, medium)

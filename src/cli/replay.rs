@@ -188,10 +188,14 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         }
         let given = (rig.as_ref(), calibration.as_ref(), shown.as_ref());
         let made = in_folder(&many, out, || match args.update {
-            true => anew(args, (log, out), given, build),
+            // In the place of an older or broken-off one, which stays until this one is whole.
+            true => {
+                inputs::takes_file("--out", out)?;
+                each(args, (log, out), given, build)
+            }
             false => {
                 inputs::new_file("--out", out)?;
-                each(args, (log, out, out), given, build)
+                each(args, (log, out), given, build)
             }
         });
         made.map(Some)
@@ -262,39 +266,16 @@ fn readable(args: &Args, log: &Path) -> Result<(), CliError> {
 /// Inputs common to all logs: rig, calibration, live page.
 type ForAll<'a> = (Option<&'a Rig>, Option<&'a Calibration>, Option<&'a Shown>);
 
-/// The same in the place of an older or broken-off one, which stays until this one is whole.
-fn anew(
-    args: &Args,
-    (log, out): (&Path, &Path),
-    given: ForAll<'_>,
-    build: BuildInfo,
-) -> Result<(Report, Outcome), CliError> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(out.file_name().unwrap_or_default());
-    name.push(".part");
-    let part = out.with_file_name(name);
-    match std::fs::remove_file(&part) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            return Err(CliError::writing(&part, &e));
-        }
-        _ => {}
-    }
-    inputs::takes_file("--out", out)?;
-    let done = each(args, (log, out, &part), given, build)?;
-    std::fs::rename(&part, out).map_err(|e| CliError::writing(out, &e))?;
-    Ok(done)
-}
-
-/// One log into its new one, written at `at`.
+/// One log into its new one.
 fn each(
     args: &Args,
-    (log, out, at): (&Path, &Path, &Path),
+    (log, out): (&Path, &Path),
     (rig, calibration, shown): ForAll<'_>,
     build: BuildInfo,
 ) -> Result<(Report, Outcome), CliError> {
     let mut outcome = Outcome::Done;
     let (mut options, comparable) = options(args, log, rig, calibration)?;
-    options.build = build;
+    (options.build, options.over) = (build, args.update);
     if let Some(shown) = shown {
         let name = log.file_name().unwrap_or_default().to_string_lossy();
         let live = shown.run(live::title(&["replay", &name]), out);
@@ -303,7 +284,7 @@ fn each(
         options.live = Some((live, rig.map(Box::new)));
     }
     let bar = progress::bar(0, "frames");
-    let result = replay(log, at, &options, &mut |frames| {
+    let result = replay(log, out, &options, &mut |frames| {
         bar.set_length(frames.max(bar.length().unwrap_or(0)));
         bar.set_position(frames);
     });
@@ -335,7 +316,7 @@ fn each(
         );
         outcome = Outcome::Lossy;
     }
-    if let Some(words) = lacks(&report) {
+    if let Some(words) = lacks(&report, &names(args, log, &report)) {
         errln!("hydroline: {}: {words}", log.display());
         outcome = Outcome::Lossy;
     }
@@ -356,7 +337,7 @@ pub(super) fn one(log: &Path, out: &Path, build: BuildInfo) -> Result<Outcome, C
         .map_err(CliError::config)?;
     let args = Args::from_arg_matches(&matches).map_err(CliError::config)?;
     inputs::new_file("--out", out)?;
-    let (report, outcome) = each(&args, (log, out, out), (None, None, None), build)?;
+    let (report, outcome) = each(&args, (log, out), (None, None, None), build)?;
     for line in gaps(&report.gaps) {
         errln!("hydroline: {}: {line}", log.display());
     }
@@ -368,12 +349,34 @@ fn own_rig(log: &Path) -> Option<String> {
     LogReader::open(log).ok()?.rig_toml().map(str::to_owned)
 }
 
+/// Names of the frames that cannot be read: numbers, of a folder the images' files.
+fn names(args: &Args, log: &Path, report: &Report) -> Vec<String> {
+    let folder = ImageFolder::open(log).ok().filter(|_| log.is_dir());
+    let frames = folder.and_then(|f| f.frames(args.rate_hz).ok());
+    let name = |sequence: &u32| {
+        let file = frames.as_ref().and_then(|f| f.file(*sequence));
+        let file = file.and_then(Path::file_name);
+        file.map_or_else(
+            || sequence.to_string(),
+            |file| file.to_string_lossy().into_owned(),
+        )
+    };
+    report.undecodable_frames.iter().map(name).collect()
+}
+
 /// Reason why a replay is no whole result: frames that nobody can read, or that mostly have no pose.
-fn lacks(report: &Report) -> Option<String> {
+fn lacks(report: &Report, names: &[String]) -> Option<String> {
     if report.undecodable > 0 {
+        let more = report.undecodable - report.undecodable_frames.len() as u64;
         return Some(format!(
-            "{} of {} frames cannot be read and are lost; `hydroline doctor` says more",
-            report.undecodable, report.frames
+            "{} of {} frames cannot be read and are lost: {}{}; why is said above, and by `hydroline doctor` of a log",
+            report.undecodable,
+            report.frames,
+            names.join(", "),
+            match more {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            }
         ));
     }
     let without: u64 = report.without_pose.values().sum();

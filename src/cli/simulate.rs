@@ -6,7 +6,6 @@ use super::{CliError, Outcome, call, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_daemon::simulate::{Options, simulate};
-use hydroline_log::AtomicFile;
 use hydroline_numerics::cancel;
 use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
@@ -121,16 +120,13 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     let length_s = plan.duration_s() + options.tail_s;
     let frames = (length_s * rig.camera.rate_fps) as u64;
     let bar = progress::bar(frames, "frames");
-    // Ctrl-C leaves no half log behind that looks like a whole one.
-    let unfinished = AtomicFile::begin(&args.out)?;
-    let result = simulate(&rig, &plan, unfinished.path(), &options, &mut |done, _| {
+    let result = simulate(&rig, &plan, &args.out, &options, &mut |done, _| {
         cancel::check();
         call::progress("frames", done, Some(frames));
         bar.set_position(done)
     });
     bar.finish_and_clear();
     let outcome = result?;
-    unfinished.finish()?;
     if args.json {
         print::json(&Printed {
             log: &args.out,

@@ -10,6 +10,43 @@ use std::time::Duration;
 /// First stamp of a simulated log, UNIX \[s\]: 2020-09-13 12:26:40 UTC, recognisable and before any real log.
 pub const SIMULATION_START_UNIX_S: u64 = 1_600_000_000;
 
+/// Earliest start of a log that is believed, UNIX \[s\]: 2001-01-01. Computers whose clock was never set begin in 1970, 1980 or
+/// 2000.
+const EARLIEST_UNIX_S: u64 = 978_307_200;
+/// A log may have been made this much later than now \[s\]: a day, as clocks of other zones are kept as UTC.
+const AHEAD_MAX_S: u64 = 86_400;
+
+/// Reason to doubt the clock that a log was stamped by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClockDoubt {
+    /// Before any such log was made: the clock was never set.
+    NeverSet,
+    /// Later than now.
+    Future,
+}
+
+impl std::fmt::Display for ClockDoubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            ClockDoubt::NeverSet => "before 2001, as of a clock that was never set",
+            ClockDoubt::Future => "later than now",
+        })
+    }
+}
+
+/// Whether a log's start can be no date, seen from `now_ns` (UNIX); what a clock that is wrong itself says of the future is
+/// not believed.
+pub fn doubt(start_ns: u64, now_ns: u64) -> Option<ClockDoubt> {
+    let [start_s, now_s] = [start_ns, now_ns].map(|ns| ns / 1_000_000_000);
+    if start_s < EARLIEST_UNIX_S {
+        Some(ClockDoubt::NeverSet)
+    } else if now_s >= EARLIEST_UNIX_S && start_s > now_s.saturating_add(AHEAD_MAX_S) {
+        Some(ClockDoubt::Future)
+    } else {
+        None
+    }
+}
+
 /// The host's three clocks, read together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ClockTriple {
@@ -133,5 +170,32 @@ impl Clock for ManualClock {
 
     fn sleep(&self, duration: Duration) {
         self.advance(duration);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_in_1970_and_2099_are_doubted_and_a_host_that_is_in_1970_itself_doubts_no_future() {
+        let ns = |s: u64| s * 1_000_000_000;
+        let now = ns(1_790_000_000);
+        for early in [0, 45, 315_964_800, 946_684_800] {
+            assert_eq!(doubt(ns(early), now), Some(ClockDoubt::NeverSet), "{early}");
+        }
+        for late in [
+            1_790_100_000,
+            2_147_483_647,
+            4_085_942_400,
+            u64::MAX / 1_000_000_000,
+        ] {
+            assert_eq!(doubt(ns(late), now), Some(ClockDoubt::Future), "{late}");
+            assert_eq!(doubt(ns(late), ns(60)), None, "{late}");
+        }
+        assert_eq!(doubt(u64::MAX, now), Some(ClockDoubt::Future));
+        for right in [SIMULATION_START_UNIX_S, 1_789_999_999, 1_790_050_000] {
+            assert_eq!(doubt(ns(right), now), None, "{right}");
+        }
     }
 }

@@ -3,6 +3,8 @@
 mod bayer;
 mod clipping;
 mod grey;
+mod jpeg;
+mod seams;
 mod still;
 #[cfg(test)]
 mod tests;
@@ -11,6 +13,7 @@ mod yuv;
 use bytes::Bytes;
 pub use clipping::{ClippingWatch, HiddenClipping};
 pub use hydroline_rigs::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
+pub use jpeg::{JpegDamage, WholeJpeg};
 pub use still::{StillError, hidden_in_still, read_still, still_format, still_size};
 
 /// Clock of a driver's stamp (V4L2_BUF_FLAG_TIMESTAMP_*).
@@ -44,7 +47,7 @@ pub enum FrameFault {
     DriverError,
     /// Fewer bytes than the format needs.
     Truncated,
-    /// MJPG without SOI or EOI marker.
+    /// MJPG that is not whole ([`WholeJpeg`]).
     BrokenJpeg,
     /// Among the first buffers after STREAMON, or repeated content: may be stale.
     Stale,
@@ -154,7 +157,7 @@ impl<'a> From<&'a GreyImage> for GreyView<'a> {
 /// Longest side of an image that is believed \[px\]: twice that of the largest sensors of machine vision.
 pub const SIDE_MAX_PX: u32 = 1 << 15;
 /// Most pixels of a compressed image that are unpacked: a few bytes can claim any number.
-pub const COMPRESSED_MAX_PX: u64 = 64 << 20;
+pub const COMPRESSED_MAX_PX: u64 = hydroline_rigs::FRAME_BYTES_MAX;
 
 /// Why a frame has no grey image.
 #[derive(Debug, thiserror::Error)]
@@ -189,6 +192,8 @@ pub enum FrameError {
         needed: u64,
         got: usize,
     },
+    #[error("frame {sequence}: damaged JPEG: {damage}")]
+    Damaged { sequence: u32, damage: JpegDamage },
     #[error("frame {sequence}: {format} does not decode: {reason}")]
     Undecodable {
         sequence: u32,

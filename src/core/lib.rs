@@ -15,6 +15,7 @@
 
 pub mod build_info;
 pub mod clock;
+pub mod descriptors;
 pub mod event;
 pub mod frame;
 pub mod heartbeat;

@@ -3,6 +3,7 @@
 mod companion;
 mod joined;
 pub mod rest_noise;
+mod stretches;
 
 use std::collections::BTreeMap;
 

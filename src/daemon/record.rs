@@ -165,6 +165,11 @@ impl Report {
     pub fn lost_anything(&self) -> bool {
         self.log.lost || self.capture.lost.total() > 0
     }
+
+    /// Whether the controller has not confirmed neutral at the end (exit code 3).
+    pub fn neutral_open(&self) -> bool {
+        self.thrusters.is_some_and(|t| t.neutral_open)
+    }
 }
 
 /// Failure to make a recording.
@@ -584,6 +589,7 @@ fn summary(
         put("commands.echoed", &stats.echoed);
         put("commands.skipped", &stats.skipped);
         put("commands.link_losses", &stats.losses);
+        put("commands.neutral_confirmed", &!stats.neutral_open);
     }
     summary
 }

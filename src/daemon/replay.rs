@@ -13,7 +13,7 @@ use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::FolderError;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::frame::{ClippingWatch, Frame, GreyImage, GreyRule};
+use hydroline_core::frame::{ClippingWatch, Frame, FrameError, FrameFault, GreyImage, GreyRule};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self, Stamped,
@@ -21,8 +21,8 @@ use hydroline_log::messages::{
     unix_ns,
 };
 use hydroline_log::{
-    DAMAGED_KEY, Entry, FileRecorder, Head, LogError, LogMessage, LogOutcome, MetadataMap, Record,
-    SummaryInput, WriteSettings,
+    DAMAGED_KEY, Entry, FRAME_BYTES_KEY, FileRecorder, Head, LogError, LogMessage, LogOutcome,
+    MetadataMap, Record, SummaryInput, WriteSettings, bytes_per_frame,
 };
 use hydroline_pose::joint::Speculative;
 use hydroline_pose::joint::refine::{RefineError, Wanted};
@@ -54,6 +54,8 @@ pub use smoothed::SmoothReport;
 const BATCH: usize = 64;
 /// The same while a live page shows them: something new a few times a second.
 const BATCH_SHOWN: usize = 8;
+/// Frames that are named where frames cannot be read; of more the number is enough.
+const NAMED_MAX: usize = 20;
 /// Messages held at most, however few frames are among them: a flood of small ones must not fill the memory.
 const PENDING_MAX: usize = 1 << 14;
 
@@ -84,6 +86,8 @@ pub struct Options {
     pub calibration_toml: Option<String>,
     /// The calibration in force where it is another than the recording's: stated on `/laser/calibration` in its place.
     pub calibration: Option<Calibration>,
+    /// Whether the new log takes the place of one that is there, once it is whole.
+    pub over: bool,
     /// The replaying program.
     pub build: BuildInfo,
     /// Where it shows itself, and the rig in force for loads and outline; changes no byte of the log.
@@ -101,6 +105,8 @@ pub struct Report {
     pub with_stripe: u64,
     /// Of these, frames that the camera delivered and that cannot be read: of the wrong size, or no image.
     pub undecodable: u64,
+    /// Sequence numbers of the first 20 of these.
+    pub undecodable_frames: Vec<u32>,
     /// Metadata of the log that is not as it was written, by name, in words.
     pub damaged_metadata: BTreeMap<String, String>,
     /// Frames excluded or without a stripe, by reason; the numbers in it are those of the first of its kind.
@@ -198,20 +204,23 @@ pub fn replay(
     progress: &mut dyn FnMut(u64),
 ) -> Result<(Report, LogOutcome), ReplayError> {
     let mut reader = options.open(log)?;
-    let head = head(&reader, log, options);
+    let mut head = head(&reader, log, options);
     // The camera's format decides the new file's channels; it is known at the first frame. Read twice up to there:
     // how much stands before it is not known.
-    let mut camera = None;
-    for message in reader.by_ref() {
-        if let Record::Frame(frame) = message?.record {
-            camera = Some(frame.format);
-            break;
+    let first = loop {
+        match reader.next().transpose()?.map(|message| message.record) {
+            Some(Record::Frame(frame)) => break frame,
+            Some(_) => {}
+            None => {
+                return Err(ReplayError::NoImages {
+                    path: log.to_owned(),
+                });
+            }
         }
-    }
-    if camera.is_none() {
-        return Err(ReplayError::NoImages {
-            path: log.to_owned(),
-        });
+    };
+    let camera = Some(first.format).filter(|_| options.keep_images);
+    if camera.is_some() {
+        state_frame_bytes(&mut head, first.data.len());
     }
     let reader = options.open(log)?;
     let damaged = reader.seal_findings().into_iter().filter(|f| f.damaged());
@@ -245,10 +254,10 @@ pub fn replay(
         Some(rig) => Some(smoothed::bound(log, options, poses.as_ref(), rig)?),
         None => None,
     };
-    let settings = WriteSettings::offline(camera.filter(|_| options.keep_images));
+    let settings = WriteSettings::offline(camera);
     let screen = screen::of(options, &head.session);
     let mut state = Replay {
-        writer: FileRecorder::create(out, false, head, settings)?,
+        writer: FileRecorder::create_whole(out, options.over, head, settings)?,
         options,
         live: HashMap::new(),
         ours: HashMap::new(),
@@ -346,6 +355,16 @@ fn head(reader: &Input, log: &Path, options: &Options) -> Head {
     }
 }
 
+/// States in the session what a frame takes where it is more than one of the rig's camera: a reader judges by it how far
+/// black frames may unpack.
+fn state_frame_bytes(head: &mut Head, bytes: usize) {
+    let rig = Rig::from_toml(&head.rig_toml, "rig", None).ok();
+    if rig.is_some_and(|rig| bytes as f64 > bytes_per_frame(&rig.camera)) {
+        let session = &mut head.session;
+        session.insert(FRAME_BYTES_KEY.to_owned(), bytes.to_string());
+    }
+}
+
 /// 64-bit fingerprint of a profile's bytes; two different profiles share one by a chance of 1 in 10^19.
 fn fingerprint(profile: &StripeProfile) -> u64 {
     let mut hasher = DefaultHasher::new();
@@ -390,6 +409,17 @@ impl Kinds {
         let first = self.0.entry(kind).or_insert_with(|| words.to_owned());
         *counts.entry(first.clone()).or_default() += 1;
     }
+}
+
+/// Whether a frame that nothing marks as faulty is a damaged JPEG.
+fn is_damaged(frame: &Frame, rule: &GreyRule) -> bool {
+    let unmarked = frame.meta.fault.is_none();
+    unmarked && matches!(frame.to_grey(rule), Err(FrameError::Damaged { .. }))
+}
+
+/// Whether a frame that nothing marks as faulty cannot be read.
+fn is_unread(frame: &Frame, rule: &GreyRule) -> bool {
+    frame.meta.fault.is_none() && frame.to_grey(rule).is_err()
 }
 
 fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
@@ -461,13 +491,21 @@ impl Replay<'_> {
         let entry = match message.record {
             Record::Frame(frame) => {
                 if self.options.keep_images {
+                    let damaged = analysed.as_ref().is_some_and(|(profile, _)| {
+                        !profile.fault.is_empty() && is_damaged(&frame, &self.options.rule)
+                    });
+                    let mut kept = frame.clone();
+                    if damaged {
+                        // The new log says what the one it was made of did not.
+                        kept.meta.fault = Some(FrameFault::BrokenJpeg);
+                    }
                     // The frame writes its account itself; only the recording's index is taken over.
                     let own = self
                         .info
                         .take_if(|(_, info)| info.sequence == frame.meta.sequence);
                     self.release_info()?;
                     let index = own.map_or(self.index, |(_, info)| info.frame_index);
-                    self.writer.write(log_ns, &Entry::frame(&frame, index))?;
+                    self.writer.write(log_ns, &Entry::frame(&kept, index))?;
                 }
                 self.index += 1;
                 if let Some((profile, pixels)) = analysed {
@@ -634,8 +672,12 @@ impl Replay<'_> {
             report.with_stripe += 1;
         } else {
             // Frames without a stripe are few: reading one again to know why costs nothing that counts.
-            let unread = frame.meta.fault.is_none() && frame.to_grey(&self.options.rule).is_err();
-            report.undecodable += u64::from(unread);
+            if is_unread(frame, &self.options.rule) {
+                report.undecodable += 1;
+                if report.undecodable_frames.len() < NAMED_MAX {
+                    report.undecodable_frames.push(frame.meta.sequence);
+                }
+            }
             self.kinds.count(&mut report.without_stripe, &profile.fault);
         }
         let key = (stamp_ns, profile.sequence);

@@ -60,6 +60,8 @@ pub struct Made {
     pub misplaced: bool,
     /// Reason why the calibration that it was to make is not there.
     pub not_calibrated: Option<String>,
+    /// Whether the controller has not confirmed neutral at the end: the vehicle is not known to rest.
+    pub neutral_open: bool,
 }
 
 /// Something that has happened.
@@ -209,8 +211,22 @@ impl Series {
         }
     }
 
-    /// Step that follows a run.
-    fn recorded(&mut self, made: Made) -> Step {
+    /// Step that follows a run: none does where the thrusters may still be running.
+    fn recorded(&mut self, mut made: Made) -> Step {
+        if !made.neutral_open {
+            return self.recorded_at_rest(made);
+        }
+        self.lossy = true;
+        let few_poses = made.few_poses.take();
+        let step = self.recorded_at_rest(made);
+        let step = match step.action {
+            Action::End(_) => step,
+            _ => self.end(),
+        };
+        step.saying(Some(Line::NeutralOpen { few_poses }))
+    }
+
+    fn recorded_at_rest(&mut self, made: Made) -> Step {
         let failed = |words: String| Action::End(End::Failed(words)).into();
         match &made.stop {
             StopReason::Failed(_) | StopReason::Limit(_) | StopReason::PlanAborted(_) => {

@@ -90,12 +90,19 @@ pub enum SimulateError {
     Noise { value: f64 },
     #[error(transparent)]
     Capture(#[from] CaptureError),
+    #[error(
+        "a run of {length_s} s from UNIX {start_s} s on ends beyond 2554, where stamps of 64 bits of nanoseconds end: start earlier"
+    )]
+    Start { start_s: u64, length_s: f64 },
 }
+
+/// Exposure and latency of the last frame after the run's end \[ns\].
+const SPARE_NS: u64 = 3_600_000_000_000;
 
 /// Runs a plan and writes its log; `progress` is called with (frames done, frames in all).
 ///
 /// # Errors
-/// [`SimulateError`]; a file that was begun is closed and readable.
+/// [`SimulateError`]; there is no log then.
 pub fn simulate(
     rig: &Rig,
     plan: &Plan,
@@ -125,14 +132,20 @@ pub fn simulate(
     } else {
         Some(Renderer::new(&truth_of)?)
     };
-    let start_ns = options.start_unix_s * 1_000_000_000;
+    let length_s = plan.duration_s() + options.tail_s;
+    let start_s = options.start_unix_s;
+    let beyond = SimulateError::Start { start_s, length_s };
+    let start_ns = start_s.checked_mul(1_000_000_000);
+    let start_ns =
+        start_ns.filter(|ns| ns.checked_add((length_s * 1e9) as u64 + SPARE_NS).is_some());
+    let start_ns = start_ns.ok_or(beyond)?;
     let at_ns = |t_s: f64| start_ns + (t_s * 1e9).round() as u64;
     let board = match (&options.board, options.motion_only) {
         (Some((board, offset_m)), false) => Some(BoardInView::new(&rig, board, *offset_m)?),
         _ => None,
     };
     let camera_format = renderer.as_ref().map(|_| PixelFormat::Grey);
-    let mut log = FileRecorder::create(
+    let mut log = FileRecorder::create_whole(
         out,
         false,
         head(&rig, plan, options),
@@ -144,7 +157,6 @@ pub fn simulate(
         log.write(at_ns(0.0), &Entry::camera_calibration(&calibration))?;
     }
 
-    let length_s = plan.duration_s() + options.tail_s;
     let frames = (length_s * rig.camera.rate_fps).floor() as u64;
     let commands = (length_s * rig.thrusters.link.rate_hz).floor() as u64;
     let rows = match renderer {

@@ -30,7 +30,7 @@ use super::verdict::{DataFault, NoiseFound, Verdict, Word};
 use found::Judged;
 use giving::Asking;
 use hydroline_core::run::{Channel, Run};
-use hydroline_identify::data::is_still;
+use hydroline_identify::data::{is_still, memory_s};
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
@@ -50,18 +50,19 @@ pub fn diagnose(
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
-    // A model fitted to all of one recording has nothing left to predict: the recording's quarters are runs of their own.
-    let parts = match (sources, held) {
-        ([one], []) => stretches(one),
-        _ => None,
+    let memory_s = memory_s(&rig.vehicle);
+    let apart = |all: &[Source]| -> Vec<Run> {
+        let runs = all.iter().flat_map(|s| s.run.stretches(memory_s));
+        runs.collect()
     };
-    let mut runs: Vec<Run> = parts
-        .as_ref()
-        .map_or(sources, |p| p.as_slice())
-        .iter()
-        .map(|s| s.run.clone())
-        .filter(|r| !is_still(r, still))
-        .collect();
+    let mut runs = apart(sources);
+    // A model fitted to all of one recording has nothing left to predict: the recording's quarters are runs of their own.
+    if let ([one], []) = (runs.as_slice(), held)
+        && let Some(parts) = stretches(one)
+    {
+        runs = parts.into();
+    }
+    runs.retain(|r| !is_still(r, still));
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
     let recording = Recording::new(&runs, rig.tank.start_pose[5]);
     let asked: Vec<usize> = (0..6)
@@ -90,7 +91,7 @@ pub fn diagnose(
     let (found, closed) = closed(found, Options::default(), progress);
     let posterior = Posterior::new(&found);
     progress("predictions");
-    let held: Vec<Run> = held.iter().map(|s| s.run.clone()).collect();
+    let held = apart(held);
     let mut judged =
         Judged::new(&found, &posterior, &closed, &held, rig).ok_or(DiagnoseError::NoFit {
             dof: Dof::ALL[dofs[0]].name(),

@@ -1,16 +1,17 @@
 //! Faults of the data, ruled out before physics is blamed (theory/identifiability.md, data faults).
 
-mod apart;
 mod kinematics;
 
 use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
+use hydroline_numerics::apart;
 use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_rigs::{Dof, Rig};
 
 use super::verdict::DataFault;
 use hydroline_core::run::{Channel, Command, PerChannel, Run};
+use hydroline_identify::data::memory_s;
 use hydroline_import::check::{STUCK_ROWS, check_motion};
 use hydroline_import::{Imported, Severity};
 use hydroline_log::messages::pb;
@@ -49,11 +50,29 @@ impl Records {
 /// Everything wrong with one log.
 pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let mut found = table(run, records);
-    found.extend(against_model(run, rig));
+    let memory_s = memory_s(&rig.vehicle);
+    found.extend(long_gap(run, memory_s));
+    // Models and splines end at a gap that the vehicle does not remember.
+    if let Some(whole) = run.longest_stretch(memory_s) {
+        let of_run = |mut f: DataFault| {
+            f.run.clone_from(&run.name);
+            f
+        };
+        found.extend(against_model(&whole, rig).into_iter().map(of_run));
+        found.extend(kinematics::kinematics(&whole, rig).into_iter().map(of_run));
+    }
     found.extend(outliers(run, rig));
-    found.extend(kinematics::kinematics(run, rig));
     found.extend(clocks(run, records, rig));
     found
+}
+
+/// A gap that cuts the run in two.
+fn long_gap(run: &Run, memory_s: f64) -> Option<DataFault> {
+    let (from_s, gap_s) = run.longest_gap().filter(|gap| gap.1 > memory_s)?;
+    let evidence = format!(
+        "no motion for {gap_s:.1} s after {from_s:.2} s, longer than the vehicle remembers ({memory_s:.0} s): what lies before and behind it are runs of their own"
+    );
+    Some(fault(run, "long_gap", "stamp", evidence, false))
 }
 
 pub(super) fn fault(
@@ -99,7 +118,8 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
         ..Imported::default()
     };
     let mut findings = Vec::new();
-    check_motion(&data, &mut findings);
+    let since_s = first.saturating_sub(run.start_ns) as f64 * 1e-9;
+    check_motion(&data, since_s, &mut findings);
     let driven = run.largest_wrench();
     findings
         .into_iter()
@@ -278,7 +298,7 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
         judge(*ppm, *sd, "the controller's clock");
     }
     if let (Some(a), Some(b)) = (records.clocks_ns.first(), records.clocks_ns.last())
-        && b.0 > a.0 + 2_000_000_000
+        && b.0.saturating_sub(a.0) > 2_000_000_000
     {
         let (mono, real) = ((b.0 - a.0) as f64, (b.1 as f64) - (a.1 as f64));
         judge(

@@ -5,7 +5,6 @@
 
 use hydroline_rigs::{Dof, Rig};
 
-use super::source::Source;
 use hydroline_core::run::{Channel, Run};
 
 /// Stretches of a recording.
@@ -23,8 +22,7 @@ fn is_decay(run: &Run) -> bool {
 }
 
 /// A recording in equal stretches; `None` where they are too short to say anything.
-pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
-    let run = &source.run;
+pub(super) fn stretches(run: &Run) -> Option<[Run; STRETCHES]> {
     let (first_s, end_s) = (run.samples.first()?.t_s, run.end_s());
     let each_s = (end_s - first_s) / STRETCHES as f64;
     if each_s < SHORTEST_S || run.samples.len() < STRETCHES * FEWEST {
@@ -41,17 +39,9 @@ pub(super) fn stretches(source: &Source) -> Option<[Source; STRETCHES]> {
         };
         let mut part = run.clone().window(from_s, to_s);
         part.name = format!("{}@{from_s:.1}..{:.1}", run.name, edge_s(k + 1));
-        Source {
-            run: part,
-            faults: if k == 0 {
-                source.faults.clone()
-            } else {
-                Vec::new()
-            },
-            ..Source::default()
-        }
+        part
     });
-    let filled = |part: &Source| part.run.samples.len() >= FEWEST;
+    let filled = |part: &Run| part.samples.len() >= FEWEST;
     parts.iter().all(filled).then_some(parts)
 }
 
@@ -158,21 +148,13 @@ mod tests {
     #[test]
     fn stretches_share_no_sample_and_lose_none() {
         let run = decay();
-        let parts = stretches(&Source {
-            run: run.clone(),
-            ..Source::default()
-        })
-        .unwrap();
+        let parts = stretches(&run).unwrap();
         let all: Vec<f64> = parts
             .iter()
-            .flat_map(|p| p.run.samples.iter().map(|s| s.t_s))
+            .flat_map(|p| p.samples.iter().map(|s| s.t_s))
             .collect();
         let own: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
         assert_eq!(all, own);
-        let short = Source {
-            run: run.window(0.0, 15.0),
-            ..Source::default()
-        };
-        assert!(stretches(&short).is_none());
+        assert!(stretches(&run.window(0.0, 15.0)).is_none());
     }
 }

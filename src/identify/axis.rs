@@ -61,10 +61,13 @@ impl<T: Real> AxisModel<T> {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Step {
+struct Steps {
+    /// Length of each \[s\].
     step_s: f64,
+    /// Number of equal steps: the way from one node to the next costs no memory, however long it is.
+    count: usize,
     load: f64,
-    /// A stamp lies at the end of this step.
+    /// A stamp lies at the end of the last one.
     sample: bool,
 }
 
@@ -72,7 +75,7 @@ struct Step {
 struct AxisRun {
     /// Stamps that coincide with the start.
     at_start: bool,
-    steps: Vec<Step>,
+    steps: Vec<Steps>,
     /// Whether the place at the start is one of the locals.
     place_is_free: bool,
     start: Start,
@@ -191,9 +194,11 @@ impl Axis {
         if run.at_start {
             emit(state.0 + offset, state.1);
         }
-        for step in &run.steps {
-            state = model.step(step.step_s, state, step.load);
-            if step.sample {
+        for steps in &run.steps {
+            for _ in 0..steps.count {
+                state = model.step(steps.step_s, state, steps.load);
+            }
+            if steps.sample {
                 emit(state.0 + offset, state.1);
             }
         }
@@ -370,7 +375,7 @@ fn largest_rate(times_s: &[f64], measured: &[f64], stride: usize) -> f64 {
     if largest.is_finite() { largest } else { 1.0 }
 }
 
-fn plan_steps(run: &Run, i: usize, start_s: f64, times_s: &[f64]) -> Vec<Step> {
+fn plan_steps(run: &Run, i: usize, start_s: f64, times_s: &[f64]) -> Vec<Steps> {
     let end_s = times_s.last().copied().unwrap_or(start_s);
     let mut nodes: Vec<f64> = times_s.iter().copied().filter(|t| *t > start_s).collect();
     let mut last = run.wrench_at(start_s)[i];
@@ -393,14 +398,12 @@ fn plan_steps(run: &Run, i: usize, start_s: f64, times_s: &[f64]) -> Vec<Step> {
     for node in nodes {
         let load = run.wrench_at(from)[i];
         let count = ((node - from) / STEP_MAX_S - 1e-9).ceil().max(1.0);
-        let is_sample = samples.next_if(|t| **t == node).is_some();
-        for k in 0..count as usize {
-            steps.push(Step {
-                step_s: (node - from) / count,
-                load,
-                sample: is_sample && k + 1 == count as usize,
-            });
-        }
+        steps.push(Steps {
+            step_s: (node - from) / count,
+            count: count as usize,
+            load,
+            sample: samples.next_if(|t| **t == node).is_some(),
+        });
         from = node;
     }
     steps

@@ -1,10 +1,12 @@
 //! Runs from logs, and what is known of them before they are fitted.
 
 mod load;
+mod memory;
 mod still;
 mod vehicle;
 
 pub use load::{LoadError, capacity, load, load_messages, unwrap_turns};
+pub use memory::memory_s;
 pub use still::{NOISE_KEY, STILL_MIN_S, StillWatch, is_still, still_noise};
 pub use vehicle::{check_vehicle, differences};
 

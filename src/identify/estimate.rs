@@ -13,7 +13,7 @@ use self::noise_at_rest::{before_the_first_load, centred, noise_at_rest, stored_
 use super::axis::Axis;
 use super::blind::blind_spots;
 use super::coupled::{Coupled, every_pose_is_known};
-use super::data::{Start, is_still};
+use super::data::{Start, is_still, memory_s};
 use super::forward::{Forward, ForwardError};
 use super::lm::LevenbergMarquardt;
 use super::method::{Method, MethodError};
@@ -83,6 +83,10 @@ pub enum IdentifyError {
     OnlyStill(usize),
     #[error("no run given")]
     NoRun,
+    #[error(
+        "{logs} log(s): no four samples in a row are less than {memory_s:.0} s apart, the time that the vehicle remembers, so that its motion says nothing of it: are the stamps of the import right ([time] unit)?"
+    )]
+    TooSparse { logs: usize, memory_s: f64 },
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]
@@ -90,7 +94,25 @@ pub enum IdentifyError {
     #[error(transparent)]
     Forward(#[from] ForwardError),
 }
-/// Identifies from runs; runs at rest (no load, >= 20 s, no motion) measure the noise instead.
+
+/// Runs cut at gaps that are longer than the rig's vehicle remembers.
+///
+/// # Errors
+/// [`IdentifyError::TooSparse`] where nothing is left.
+pub(super) fn stretched(runs: &[Run], rig: &Rig) -> Result<Vec<Run>, IdentifyError> {
+    let memory_s = memory_s(&rig.vehicle);
+    let all: Vec<Run> = runs.iter().flat_map(|r| r.stretches(memory_s)).collect();
+    match all.is_empty() && !runs.is_empty() {
+        true => Err(IdentifyError::TooSparse {
+            logs: runs.len(),
+            memory_s,
+        }),
+        false => Ok(all),
+    }
+}
+
+/// Identifies from runs; runs at rest (no load, >= 20 s, no motion) measure the noise instead. A gap that is longer than
+/// the vehicle remembers begins another run.
 ///
 /// # Errors
 /// [`IdentifyError`].
@@ -99,6 +121,7 @@ pub fn identify(
     rig: &Rig,
     options: &Options<'_>,
 ) -> Result<Identification, IdentifyError> {
+    let runs = &stretched(runs, rig)?[..];
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     let (still, moving): (Vec<&Run>, Vec<&Run>) = runs.iter().partition(|r| is_still(r, tolerance));
     let moving: Vec<Run> = moving.into_iter().cloned().collect();
@@ -235,4 +258,117 @@ pub fn identify(
 pub fn measured_channels(run: &Run) -> Vec<&'static str> {
     let measured = Channel::ALL.into_iter().filter(|c| run.has(*c));
     measured.map(Channel::name).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroline_core::run::{Command, PerChannel, Sample};
+    use rand::{SeedableRng, rngs::StdRng};
+    use rand_distr::{Distribution, Normal};
+
+    /// Surge at 25 Hz for 24 s under reversals; from half of it on stamps are `gap_s` later, as of a clock that was set.
+    fn reversals(rig: &Rig, gap_s: f64) -> Run {
+        let loads_n = [8.0, -8.0, 6.0, -6.0, 8.0, 0.0];
+        let commands = loads_n.iter().enumerate().map(|(k, load_n)| Command {
+            t_s: 0.002 + 4.0 * k as f64,
+            wrench: [*load_n, 0.0, 0.0, 0.0, 0.0, 0.0],
+        });
+        let sample = |k: usize| Sample {
+            t_s: 0.04 * k as f64,
+            values: PerChannel::from_fn(|c| if c == Channel::X { 0.0 } else { f64::NAN }),
+            covariance: None,
+        };
+        let mut run = Run {
+            name: "run".to_owned(),
+            commands: commands.collect(),
+            samples: (0..600).map(sample).collect(),
+            ..Run::default()
+        };
+        let one = std::slice::from_ref(&run);
+        let truth = Axis::new(one, &rig.vehicle, Dof::Surge, &[], Start::AtRestFromZero);
+        let mut moved = Vec::new();
+        truth.values(0, &[], &mut moved).unwrap();
+        let noise = Normal::new(0.0, 1.5e-4).unwrap();
+        let mut rng = StdRng::seed_from_u64(7);
+        for (sample, x_m) in run.samples.iter_mut().zip(moved) {
+            sample.values[Channel::X] = x_m + noise.sample(&mut rng);
+        }
+        let set = |t_s: &mut f64| *t_s += if *t_s > 12.01 { gap_s } else { 0.0 };
+        run.samples.iter_mut().for_each(|s| set(&mut s.t_s));
+        run.commands.iter_mut().for_each(|c| set(&mut c.t_s));
+        run
+    }
+
+    /// The gap was integrated in steps of 40 ms: a year of it took tens of gigabytes, until the kernel ended the program.
+    #[test]
+    fn a_gap_of_a_century_makes_two_runs_and_costs_neither_time_nor_memory() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let fit = |gap_s: f64| {
+            let options = Options {
+                cross_validate: false,
+                ..Options::default()
+            };
+            identify(&[reversals(&rig, gap_s)], &rig, &options).unwrap()
+        };
+        let key = Coefficient::of(Dof::Surge)[2].key();
+        let whole = fit(0.0).parameters[key].clone();
+        for gap_s in [1000.7, 3.2e9] {
+            let found = fit(gap_s);
+            let (own, sd) = (&found.parameters[key], whole.sd.unwrap());
+            assert_eq!(found.runs.len(), 2, "{gap_s}");
+            assert!(
+                (own.value - whole.value).abs() < 4.0 * sd,
+                "{own:?} {whole:?}"
+            );
+            let notes = &found.runs[0].notes;
+            assert!(notes[0].contains("taken as 2 run(s)"), "{notes:?}");
+        }
+    }
+
+    /// They drew the first fit away, what it left passed for noise of 70 mm, and by that nothing was determined: the rig's own
+    /// numbers were given for the vehicle's.
+    #[test]
+    fn spikes_in_two_of_a_hundred_samples_leave_every_coefficient_determined() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let fit = |spike_m: f64| {
+            let mut run = reversals(&rig, 0.0);
+            let spiked = (0..600).filter(|k| k % 53 == 17);
+            spiked.for_each(|k| run.samples[k].values[Channel::X] += spike_m);
+            let options = Options {
+                cross_validate: false,
+                ..Options::default()
+            };
+            identify(&[run], &rig, &options).unwrap()
+        };
+        let clean = fit(0.0);
+        for spike_m in [0.5, -0.03, 40.0] {
+            let found = fit(spike_m);
+            for c in Coefficient::of(Dof::Surge) {
+                let (own, whole) = (&found.parameters[c.key()], &clean.parameters[c.key()]);
+                assert!(own.excited, "{spike_m}: {own:?}");
+                assert!(
+                    (own.value - whole.value).abs() < whole.sd.unwrap(),
+                    "{spike_m}: {own:?} {whole:?}"
+                );
+            }
+            let noise = &found.noise["x_m"];
+            assert!(noise.noise.white_sd < 2e-4, "{spike_m}: {noise:?}");
+            assert!(
+                (noise.outliers - 11.0 / 600.0).abs() < 5e-3,
+                "{spike_m}: {noise:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn samples_that_are_all_days_apart_are_refused_with_the_reason() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let mut run = reversals(&rig, 0.0);
+        run.samples
+            .iter_mut()
+            .for_each(|s| s.t_s *= 86_400.0 / 0.04);
+        let error = identify(&[run], &rig, &Options::default()).unwrap_err();
+        assert!(matches!(error, IdentifyError::TooSparse { .. }), "{error}");
+    }
 }

@@ -1,4 +1,8 @@
-//! A run as one table: pose with its sds, velocities, load and thrusts in force, what is to be known of each row.
+//! A run as one table: pose with its sds, velocities, loads and thrusts, what is to be known of each row.
+//!
+//! Commands are given at stamps of their own, between those of the poses. A row holds a load's mean from its stamp to the
+//! next row's: held until there, as a table is read, it gives the impulse that the commands gave when they did, so that a
+//! fit to the table finds what a fit to the log does. The load in force at the stamp would come up to a row late.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -24,6 +28,8 @@ const LOADS: [&str; 6] = [
 #[derive(Debug, Clone, Default)]
 pub struct Merged {
     run: Run,
+    /// Stamps of the samples \[ns\], exact however long the run; empty = of no use.
+    stamps_ns: Vec<u64>,
     /// Companions per sample.
     companions: BTreeMap<u64, [Option<f64>; COMPANIONS.len()]>,
     /// Thrusts by thruster: (t \[s\], N), ascending.
@@ -101,8 +107,19 @@ impl Merged {
         for own in thrusts.values_mut() {
             own.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
+        let mut stamps_ns: Vec<u64> = motion
+            .iter()
+            .filter(|m| m.channels().into_iter().flatten().any(f64::is_finite))
+            .map(|m| m.stamp_ns().unwrap_or(0))
+            .collect();
+        stamps_ns.sort_unstable();
+        stamps_ns.dedup();
+        if stamps_ns.len() != run.samples.len() {
+            stamps_ns.clear();
+        }
         Ok(Merged {
             run,
+            stamps_ns,
             companions,
             thrusts,
             wrench,
@@ -140,8 +157,12 @@ impl Merged {
             .collect();
         let usual_s = median(&mut steps).unwrap_or(0.0);
         let mut before_s = None;
-        for sample in &self.run.samples {
-            let stamp_ns = self.run.start_ns + (sample.t_s * 1e9).round() as u64;
+        for (k, sample) in self.run.samples.iter().enumerate() {
+            let next_s = self.run.samples.get(k + 1).map_or(sample.t_s, |s| s.t_s);
+            let row_s = [sample.t_s, next_s];
+            let since_ns = (sample.t_s * 1e9).round() as u64;
+            let rounded = || self.run.start_ns.saturating_add(since_ns);
+            let stamp_ns = self.stamps_ns.get(k).copied().unwrap_or_else(rounded);
             let mut cells: Vec<String> = vec![number(sample.t_s), stamp_ns.to_string()];
             cells.extend(sample.values.pose().map(number));
             cells.extend(Channel::POSES.map(|c| {
@@ -153,13 +174,20 @@ impl Merged {
             cells.extend(sample.values.rates().map(number));
             let beside = self.companions.get(&stamp_ns).copied().unwrap_or_default();
             cells.extend(beside.iter().map(|v| v.map_or(String::new(), number)));
-            cells.extend((0..6).map(|d| self.load(sample.t_s, d).map_or(String::new(), number)));
-            for own in self.thrusts.values() {
-                let after = own.partition_point(|c| c.0 <= sample.t_s);
-                let value = after.checked_sub(1).map(|i| own[i].1);
-                cells.push(value.map_or(String::new(), number));
-            }
+            let loads = (0..6).map(|d| {
+                let own = self.wrench.as_deref()?;
+                mean(own, |c| (c.t_s, c.wrench[d]), row_s)
+            });
+            let thrusts = self.thrusts.values().map(|own| mean(own, |c| *c, row_s));
+            let all: Vec<Option<Mean>> = loads.chain(thrusts).collect();
+            let cell = |m: &Option<Mean>| m.map_or(String::new(), |m| number(m.value));
+            cells.extend(all.iter().map(cell));
             let mut flags: Vec<&str> = Vec::new();
+            // Over a gap the impulse is right, the way is not.
+            let is_gap = next_s - sample.t_s > GAP_STEPS * usual_s;
+            if is_gap && all.iter().flatten().any(|m| m.changes) {
+                flags.push("loads_change_in_gap");
+            }
             if self.first_command_s().is_some_and(|t| sample.t_s < t) {
                 flags.push("before_commands");
             }
@@ -181,13 +209,43 @@ impl Merged {
         let loads = self.wrench.iter().flatten().map(|c| c.t_s);
         thrusts.chain(loads).reduce(f64::min)
     }
+}
 
-    /// The load's component in force; `None` = nothing was commanded yet, or it is not known.
-    fn load(&self, t_s: f64, dof: usize) -> Option<f64> {
-        let own = self.wrench.as_ref()?;
-        let after = own.partition_point(|c| c.t_s <= t_s);
-        Some(own.get(after.checked_sub(1)?)?.wrench[dof])
+/// Mean of a load over a row.
+#[derive(Debug, Clone, Copy)]
+struct Mean {
+    value: f64,
+    /// Whether it changes within the row.
+    changes: bool,
+}
+
+/// Mean over a row of what each command holds until the next, 0 before the first, given as (stamp \[s\], value), ascending;
+/// of a row without length the value in force. `None` = nothing is commanded before the row's end.
+fn mean<C>(
+    commands: &[C],
+    of: impl Fn(&C) -> (f64, f64),
+    [from_s, to_s]: [f64; 2],
+) -> Option<Mean> {
+    let before = commands.partition_point(|c| of(c).0 <= from_s);
+    let within = commands[before..].iter().map(&of);
+    let within: Vec<(f64, f64)> = within.take_while(|c| c.0 < to_s).collect();
+    let in_force = before.checked_sub(1).map(|k| of(&commands[k]).1);
+    if in_force.is_none() && within.is_empty() {
+        return None;
     }
+    let (mut now_s, mut value, mut impulse) = (from_s, in_force.unwrap_or(0.0), 0.0);
+    let mut changes = false;
+    for (t_s, next) in within {
+        impulse += value * (t_s - now_s);
+        changes |= next != value;
+        (now_s, value) = (t_s, next);
+    }
+    if !changes {
+        // As it was commanded, to the last digit.
+        return Some(Mean { value, changes });
+    }
+    let value = (impulse + value * (to_s - now_s)) / (to_s - from_s);
+    Some(Mean { value, changes })
 }
 
 /// Without a rig: components of the load are known as they are, what thrusters make is not.
@@ -242,6 +300,30 @@ fn plain(text: &str) -> String {
 mod tests {
     use super::*;
     use hydroline_core::run::{PerChannel, Sample};
+
+    /// The load in force at a pose's stamp stood in its row: up to a row late for what was commanded between.
+    #[test]
+    fn a_row_holds_the_impulse_of_the_commands_between_it_and_the_next() {
+        let commands = [
+            (0.06, 2.0),
+            (0.14, -4.0),
+            (0.14, 8.0),
+            (0.5, 8.0),
+            (0.7, 0.0),
+        ];
+        let of = |from_s: f64, to_s: f64| mean(&commands, |c| *c, [from_s, to_s]).map(|m| m.value);
+        assert_eq!(of(0.0, 0.05), None);
+        assert!((of(0.05, 0.1).unwrap() - 0.8 * 2.0).abs() < 1e-12);
+        assert!((of(0.1, 0.2).unwrap() - (0.4 * 2.0 + 0.6 * 8.0)).abs() < 1e-12);
+        assert_eq!((of(0.2, 0.6), of(0.9, 1.0)), (Some(8.0), Some(0.0)));
+        // The last row, and one that begins at a command.
+        assert_eq!((of(0.6, 0.6), of(0.14, 0.2)), (Some(8.0), Some(8.0)));
+        let edges: Vec<f64> = (0..=20).map(|k| 0.05 * f64::from(k)).collect();
+        let rows = edges
+            .windows(2)
+            .map(|w| of(w[0], w[1]).unwrap_or(0.0) * (w[1] - w[0]));
+        assert!((rows.sum::<f64>() - (2.0 * 0.08 + 8.0 * 0.56)).abs() < 1e-12);
+    }
 
     #[test]
     fn cells_are_numbers_or_empty() {

@@ -6,7 +6,7 @@
 
 use super::coupled::{Coupled, every_pose_is_known};
 use super::data::{Start, is_still};
-use super::estimate::IdentifyError;
+use super::estimate::{IdentifyError, stretched};
 use super::forward::Forward;
 use super::lm::descend;
 use super::outcome::Identification;
@@ -40,11 +40,13 @@ pub struct Refitted {
 /// # Errors
 /// [`IdentifyError`]: effects of the rig, a motion that diverges at the start, runs that all rest.
 pub fn refit(runs: &[Run], rig: &Rig, before: &Identification) -> Result<Refitted, IdentifyError> {
+    let runs = stretched(runs, rig)?;
     let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
+    let count = runs.len();
     let (still, moving): (Vec<Run>, Vec<Run>) =
-        runs.iter().cloned().partition(|r| is_still(r, tolerance));
+        runs.into_iter().partition(|r| is_still(r, tolerance));
     if moving.is_empty() {
-        return Err(IdentifyError::OnlyStill(runs.len()));
+        return Err(IdentifyError::OnlyStill(count));
     }
     let free: Vec<Coefficient> = before
         .parameters

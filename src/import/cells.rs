@@ -3,10 +3,13 @@
 use std::ops::Range;
 
 use crate::map::Separator;
+use crate::widths::borders;
 
 /// Splits lines; keeps its buffers between them.
 pub(crate) struct Splitter {
     pub separator: Separator,
+    /// Characters of each column; empty = the separator stands between cells.
+    widths: Vec<usize>,
     ranges: Vec<Range<usize>>,
     plain: Vec<u8>,
     ends: Vec<usize>,
@@ -21,7 +24,28 @@ pub(crate) struct Cells<'a> {
     ranges: &'a [Range<usize>],
 }
 
+/// The same for a line that is read on.
+pub(crate) struct KeptCells {
+    text: String,
+    ranges: Vec<Range<usize>>,
+}
+
+impl KeptCells {
+    pub fn cells(&self) -> Cells<'_> {
+        Cells {
+            text: &self.text,
+            ranges: &self.ranges,
+        }
+    }
+}
+
 impl<'a> Cells<'a> {
+    pub fn keep(&self) -> KeptCells {
+        KeptCells {
+            text: self.text.to_owned(),
+            ranges: self.ranges.to_vec(),
+        }
+    }
     pub fn len(&self) -> usize {
         self.ranges.len()
     }
@@ -34,6 +58,11 @@ impl<'a> Cells<'a> {
     }
     pub fn iter(&self) -> impl Iterator<Item = &'a str> + '_ {
         (0..self.len()).map(|i| self.get(i))
+    }
+    /// Number of cells up to the last that holds something.
+    pub fn filled(&self) -> usize {
+        let holds = |i: &usize| !self.get(*i).is_empty();
+        (0..self.len()).rev().find(holds).map_or(0, |i| i + 1)
     }
     /// Whether all cells from this one on are empty.
     pub fn empty_from(&self, index: usize) -> bool {
@@ -49,6 +78,7 @@ impl Splitter {
         };
         Splitter {
             separator,
+            widths: Vec::new(),
             ranges: Vec::new(),
             plain: Vec::new(),
             ends: Vec::new(),
@@ -57,11 +87,22 @@ impl Splitter {
         }
     }
 
+    /// The same for columns of fixed widths, where there are any.
+    pub fn of(separator: Separator, widths: &[usize]) -> Self {
+        Splitter {
+            widths: widths.to_vec(),
+            ..Splitter::new(separator)
+        }
+    }
+
     /// Whether a line ends inside a quoted cell, which then goes on in the next line.
     pub fn is_open(&self, line: &str) -> bool {
         let Separator::Byte(separator) = self.separator else {
             return false;
         };
+        if !self.widths.is_empty() {
+            return false;
+        }
         if !line.contains('"') {
             return false;
         }
@@ -83,6 +124,17 @@ impl Splitter {
     pub fn split<'a>(&'a mut self, line: &'a str) -> Cells<'a> {
         self.ranges.clear();
         match self.separator {
+            _ if !self.widths.is_empty() => {
+                let mut from = 0;
+                for to in borders(line, &self.widths) {
+                    self.ranges.push(from..to);
+                    from = to;
+                }
+                // What stands beyond the columns is a cell too many.
+                if !line[from..].trim().is_empty() {
+                    self.ranges.push(from..line.len());
+                }
+            }
             Separator::Blanks => {
                 let mut start = None;
                 for (i, b) in line.bytes().enumerate() {
@@ -170,6 +222,10 @@ mod tests {
         );
         assert_eq!(cells(comma, ""), [""]);
         assert_eq!(cells(Separator::Blanks, "  1 \t2  x"), ["1", "2", "x"]);
+        let mut fixed = Splitter::of(comma, &[4, 3, 3]);
+        let of = |cells: Cells<'_>| cells.iter().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(of(fixed.split(" 1.5-2°-3 x")), ["1.5", "-2°", "-3", "x"]);
+        assert_eq!(of(fixed.split(" 1.5")), ["1.5", "", ""]);
         assert!(Splitter::new(comma).is_open("1,\"a"));
         assert!(!Splitter::new(comma).is_open("1,5\",2"));
     }

@@ -3,6 +3,7 @@
 //! A table of any length is looked at a stretch at a time ([`Watch`]); what only the whole can tell is summed up.
 
 mod channel;
+mod clock_steps;
 mod clocks;
 mod commands;
 mod drift;
@@ -29,8 +30,9 @@ pub(crate) fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
 
-/// Motion that came without a map (a log): time, units, dead channels, kinematics.
-pub fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
+/// Motion that came without a map (a log): time, units, dead channels, kinematics. `since_s` is the first row's time since
+/// the log's first stamp, from which a window of the log counts.
+pub fn check_motion(data: &Imported, since_s: f64, findings: &mut Vec<Finding>) {
     let options = Options::default();
     if data.times_s.len() < 4 {
         findings.push(too_short(data.times_s.len()));
@@ -41,6 +43,14 @@ pub fn check_motion(data: &Imported, findings: &mut Vec<Finding>) {
     if !clocks.report(findings) {
         return;
     }
+    let windows = |to_s: f64, from_s: f64| {
+        format!(
+            "Two runs: LOG@..{:.3} and LOG@{:.3}..",
+            since_s + to_s,
+            since_s + from_s
+        )
+    };
+    clock_steps::check(data, &options, windows, findings);
     for place in 0..PLACES {
         let values = &data.motion[place];
         if values.is_empty() {

@@ -5,13 +5,17 @@ use crate::check::{Finding, FindingList};
 use crate::layout::Layout;
 use crate::map::{Column, Map, TimeMap, TimeSource};
 use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
-use crate::stamp::{self, Pattern, SECOND_NS, Stamp};
+use crate::stamp::{self, Instant, Pattern, SECOND_NS, Stamp};
 use crate::unit::{self, Dimension};
 
+mod boots;
 mod even;
+mod sexagesimal;
+mod zones;
+pub(crate) use boots::Boots;
 pub(crate) use even::{EvenRows, granularity};
-
-const DAY_NS: i128 = 86_400 * SECOND_NS;
+pub(crate) use sexagesimal::Sexagesimal;
+use zones::{Leap, Zones};
 
 /// Form of a row's time, with the columns' places.
 enum Reading {
@@ -34,11 +38,14 @@ pub(crate) struct Clock {
     rows: i128,
     last_count: Option<f64>,
     turns: i128,
-    midnights: i128,
-    last_of_day: i128,
+    /// Times that a clock without a date began again, its last time and after how much it does \[ns\].
+    clock_turns: i128,
+    last_of_turn: i128,
+    turn_ns: i128,
     beyond_bits: Option<u64>,
-    pub zones: Vec<(stamp::Zone, u64)>,
-    even: Option<EvenRows>,
+    zones: Zones,
+    leap: Leap,
+    sexagesimal: Sexagesimal,
 }
 
 impl Clock {
@@ -79,21 +86,22 @@ impl Clock {
             rows: -1,
             last_count: None,
             turns: 0,
-            midnights: 0,
-            last_of_day: 0,
+            clock_turns: 0,
+            last_of_turn: 0,
+            turn_ns: 0,
             beyond_bits: None,
-            zones: Vec::new(),
-            even: None,
+            zones: Zones::new(time.utc_offset_min),
+            leap: Leap::default(),
+            sexagesimal: Sexagesimal::default(),
         })
     }
 
-    /// Puts rounded stamps back to the map's rate from now on.
-    pub fn make_even(&mut self, time: &TimeMap, granularity_ns: i128) {
+    /// Puts rounded stamps back to the map's rate; `None` = the map states none, or there are no stamps.
+    pub fn even(&self, time: &TimeMap, granularity_ns: i128) -> Option<EvenRows> {
         let stamps = !matches!(self.reading, Reading::Rows | Reading::Frames(_));
-        self.even = time
-            .rate_hz
+        time.rate_hz
             .filter(|_| stamps)
-            .map(|rate_hz| EvenRows::new(rate_hz, granularity_ns));
+            .map(|rate_hz| EvenRows::new(rate_hz, granularity_ns))
     }
 
     /// A row that could not be split: time goes on where rows are all there is.
@@ -120,11 +128,7 @@ impl Clock {
             };
             bad.note("time", line, cells.get(at));
         }
-        let ns = ns?;
-        Some(match &mut self.even {
-            Some(even) => even.put_back(ns, line),
-            None => ns,
-        })
+        ns
     }
 
     fn stamp(&mut self, cells: Cells<'_>, line: u64) -> Option<i128> {
@@ -152,6 +156,11 @@ impl Clock {
             }
             Reading::Numbers(columns) => {
                 let mut sum = self.epoch_ns;
+                if let [(column, unit_ns)] = columns[..]
+                    && let Some(own) = number(&plain(bare(cells.get(column), unit_ns)), decimal)
+                {
+                    self.sexagesimal.row(own, line);
+                }
                 for (column, unit_ns) in columns {
                     let cell = plain(bare(cells.get(*column), *unit_ns));
                     let own = nanoseconds(exact(&cell, decimal)?, *unit_ns)?;
@@ -160,12 +169,11 @@ impl Clock {
                 Some(sum).filter(sane)
             }
             Reading::Iso(columns) => {
-                let (ns, zone) = match columns.as_slice() {
+                let read = match columns.as_slice() {
                     [one] => stamp::parse(cells.get(*one))?,
                     several => stamp::parse(&joined(cells, several))?,
                 };
-                self.zone(zone, line);
-                Some(ns)
+                Some(self.instant(&read, line))
             }
             Reading::Pattern(columns, pattern) => {
                 let mut text = joined(cells, columns);
@@ -173,21 +181,29 @@ impl Clock {
                     text = text.replace(',', ".");
                 }
                 match pattern.parse(&text)? {
-                    Stamp::Date(ns, zone) => {
-                        self.zone(zone, line);
-                        Some(ns).filter(sane)
-                    }
-                    Stamp::OfDay(ns) => {
-                        // A clock of the day that goes back by half a day or more has passed midnight.
-                        if self.last_of_day - ns > DAY_NS / 2 {
-                            self.midnights += 1;
+                    Stamp::Date(read) => Some(self.instant(&read, line)).filter(sane),
+                    Stamp::Clock {
+                        ns,
+                        turn_ns,
+                        is_second_60,
+                    } => {
+                        // A clock that goes back by half its turn or more has begun again.
+                        if self.last_of_turn - ns > turn_ns / 2 {
+                            self.clock_turns += 1;
                         }
-                        self.last_of_day = ns;
-                        Some(ns + self.midnights * DAY_NS)
+                        (self.last_of_turn, self.turn_ns) = (ns, turn_ns);
+                        let ns = ns + self.clock_turns * turn_ns;
+                        Some(self.leap.row(ns, is_second_60, false, line))
                     }
                 }
             }
         }
+    }
+
+    /// Time of a dated stamp \[ns\], by its zone or the map's.
+    fn instant(&mut self, read: &Instant, line: u64) -> i128 {
+        let ns = self.zones.row(&read.zone, read.ns, line);
+        self.leap.row(ns, read.is_second_60, true, line)
     }
 
     /// Counts to be added to the counter for its turns so far; `None` = the count is beyond its bits.
@@ -210,14 +226,14 @@ impl Clock {
         Some(self.turns * full)
     }
 
-    fn zone(&mut self, zone: stamp::Zone, line: u64) {
-        if !self.zones.iter().any(|z| z.0 == zone) {
-            self.zones.push((zone, line));
-        }
-    }
-
     /// Adds the clock's findings; `origin_ns` is the first row's time.
-    pub fn report(&self, time: &TimeMap, origin_ns: Option<i128>, findings: &mut Vec<Finding>) {
+    pub fn report(
+        &self,
+        time: &TimeMap,
+        even: Option<&EvenRows>,
+        origin_ns: Option<i128>,
+        findings: &mut Vec<Finding>,
+    ) {
         if let Some(line) = self.beyond_bits {
             findings.fault_at(
                 "unwrap",
@@ -242,19 +258,32 @@ impl Clock {
                 format!("the counter of time never passed the end of its {bits} bits"),
             );
         }
-        if self.midnights > 0 {
+        if self.clock_turns > 0 {
+            let what = if self.turn_ns > 3600 * SECOND_NS {
+                "the clock of the day passed midnight"
+            } else {
+                "the clock of the hour passed the full hour"
+            };
             findings.info(
                 "midnight",
+                format!("{what} {} time(s) and was continued", self.clock_turns),
+            );
+        }
+        if let Some(carry) = self.sexagesimal.carry() {
+            findings.fault_at(
+                "sexagesimal_time",
+                Some(carry.line),
                 format!(
-                    "the clock of the day passed midnight {} time(s) and was continued",
-                    self.midnights
+                    "the stamps are clocks as hhmmss, no count: {} is followed by {} on line {}, as at the end of a minute ({} such step(s)). [time] format = \"{}\" in place of unit reads them",
+                    carry.numbers[0], carry.numbers[1], carry.line, carry.count, carry.format,
                 ),
             );
         }
-        if let Some(even) = &self.even {
+        if let Some(even) = even {
             even.report(findings);
         }
-        self.report_zones(findings);
+        self.zones.report(findings);
+        self.leap.report(findings);
         let Some(origin_ns) = origin_ns else {
             return;
         };
@@ -275,31 +304,6 @@ impl Clock {
                     "time.clock is 'unix' but the first stamp is {origin_s:.3} s, in {}: is the clock 'relative', or time.unit another than '{}'?",
                     1970 + (origin_s / 31_556_952.0) as i64,
                     time.unit,
-                ),
-            );
-        }
-    }
-
-    fn report_zones(&self, findings: &mut Vec<Finding>) {
-        if let [(None, line)] = self.zones[..] {
-            findings.warning_at("time_zone_missing", Some(line), "stamps carry no time zone: read as UTC; a change of daylight saving time between them could not be distinguished from a gap".to_owned());
-        }
-        if self.zones.len() > 1 {
-            let words: Vec<String> = self
-                .zones
-                .iter()
-                .map(|(z, line)| match z {
-                    Some(m) => format!("UTC{:+03}:{:02} from line {line}", m / 60, (m % 60).abs()),
-                    None => format!("no zone from line {line}"),
-                })
-                .collect();
-            findings.fault_at(
-                "mixed_time_zones",
-                self.zones.get(1).map(|z| z.1),
-                format!(
-                    "stamps are in {} time zones: {}",
-                    self.zones.len(),
-                    words.join(", ")
                 ),
             );
         }

@@ -17,6 +17,7 @@ mod time;
 use std::io;
 
 use crate::check::{Finding, Severity};
+use crate::layout::listed;
 use crate::map::Map;
 use crate::source::Source;
 use crate::survey::survey;
@@ -42,13 +43,13 @@ pub enum GuessError {
     )]
     NoTable { lines: usize },
     #[error(
-        "no column of time, and no rate: {columns}; write the map by hand (`hydroline import --help` shows one), with [time] rate_hz = .. for rows at a rate"
+        "no column of time, and no rate: {columns}{hint}; write the map by hand (`hydroline import --help` shows one), with [time] rate_hz = .. for rows at a rate"
     )]
-    NoTime { columns: String },
+    NoTime { columns: String, hint: String },
     #[error(
-        "no column whose name says that it is motion or a command: {columns}; write the map by hand (`hydroline import --help` shows one)"
+        "no column whose name says that it is motion or a command: {columns}{hint}; write the map by hand (`hydroline import --help` shows one)"
     )]
-    NoMotion { columns: String },
+    NoMotion { columns: String, hint: String },
 }
 
 /// Lines of the map being drafted, and remarks about it.
@@ -95,14 +96,20 @@ pub fn guess(source: &(impl Source + ?Sized)) -> io::Result<Result<Guess, GuessE
     shape.complete(&stats);
     let columns = || {
         let names: Vec<&str> = shape.columns.iter().map(|c| c.name.as_str()).collect();
-        names.join(" | ")
+        listed(&names)
     };
     let Some(time) = time::find(&shape, &stats) else {
-        return Ok(Err(GuessError::NoTime { columns: columns() }));
+        return Ok(Err(GuessError::NoTime {
+            columns: columns(),
+            hint: time::unread(&shape, &stats),
+        }));
     };
     let motion = motion::find(&shape, &stats, &time);
     if motion.is_empty() && shape.open.is_empty() {
-        return Ok(Err(GuessError::NoMotion { columns: columns() }));
+        return Ok(Err(GuessError::NoMotion {
+            columns: columns(),
+            hint: time::unread(&shape, &stats),
+        }));
     }
     let mut draft = write(&shape, &stats, &time, &motion);
     if motion.is_empty() {

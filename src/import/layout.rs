@@ -7,6 +7,7 @@ use crate::check::{Finding, FindingList};
 use crate::map::{Column, FileMap, Separator};
 use crate::source::Source;
 use crate::text::{Format, Lines};
+use crate::widths;
 
 /// Bytes that tell the encoding.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -20,6 +21,8 @@ const LINES_KEPT: usize = 100;
 pub(crate) struct Layout {
     pub format: Format,
     pub separator: Separator,
+    /// Characters of each column; empty = the separator stands between cells.
+    pub widths: Vec<usize>,
     /// Names of the columns; their numbers where the file has none.
     pub header: Vec<String>,
     /// Units of the columns; empty = no line of them.
@@ -50,6 +53,35 @@ pub(crate) fn is_aside(file: &FileMap, line: &str) -> bool {
     line.trim().is_empty() || comment.is_some_and(|c| line.trim_start().starts_with(c))
 }
 
+/// Names that are listed in a message, and characters of each: a message is read.
+const NAMES_MAX: usize = 40;
+const NAME_MAX: usize = 40;
+
+/// A cell as a message shows it: one that is no text is not shown.
+pub(crate) fn shown(cell: &str) -> String {
+    if cell.contains(|c: char| c.is_control() || c == '\u{fffd}') {
+        return "(no text)".to_owned();
+    }
+    match cell.char_indices().nth(NAME_MAX) {
+        Some((end, _)) => format!("{}...", &cell[..end]),
+        None => cell.to_owned(),
+    }
+}
+
+/// Names of columns as a message lists them.
+pub(crate) fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let mut words: Vec<String> = names
+        .iter()
+        .take(NAMES_MAX)
+        .map(|n| shown(n.as_ref()))
+        .collect();
+    let more = names.len().saturating_sub(NAMES_MAX);
+    if more > 0 {
+        words.push(format!("and {more} more"));
+    }
+    words.join(" | ")
+}
+
 impl Layout {
     /// Looks at the beginning of a file.
     pub fn find(source: &(impl Source + ?Sized), file: &FileMap) -> io::Result<Layout> {
@@ -60,6 +92,7 @@ impl Layout {
         let mut layout = Layout {
             format,
             separator: file.separator.unwrap_or(Separator::Byte(b',')),
+            widths: file.widths.clone(),
             header: Vec::new(),
             units: Vec::new(),
             first_line: file.first_line.unwrap_or(1),
@@ -67,7 +100,7 @@ impl Layout {
             head: Vec::new(),
             decimal: file.decimal,
         };
-        let mut splitter = Splitter::new(layout.separator);
+        let mut splitter = Splitter::of(layout.separator, &file.widths);
         let (mut named, mut counts) = (!file.header, Vec::<usize>::new());
         while let Some((number, line)) = lines.next_line()? {
             if layout.head.len() < LINES_KEPT {
@@ -77,12 +110,18 @@ impl Layout {
             }
             if let Some(separator) = separator_line(number, line) {
                 layout.separator = file.separator.unwrap_or(separator);
-                splitter = Splitter::new(layout.separator);
+                splitter = Splitter::of(layout.separator, &file.widths);
                 layout.first_line = layout.first_line.max(number + 1);
                 continue;
             }
             let cells = splitter.split(line);
-            let own = || cells.iter().map(str::to_owned).collect();
+            let own = || {
+                if file.widths.is_empty() {
+                    cells.iter().map(str::to_owned).collect()
+                } else {
+                    widths::names(line, &file.widths)
+                }
+            };
             // A line that the map names is taken even if it begins like a comment.
             let is_header = match file.header_line {
                 Some(stated) => number == stated,
@@ -114,6 +153,25 @@ impl Layout {
         Ok(layout)
     }
 
+    /// Division of a line into cells, for messages.
+    fn between(&self) -> String {
+        if self.widths.is_empty() {
+            format!("separator '{}'", self.separator)
+        } else {
+            widths::words(&self.widths)
+        }
+    }
+
+    /// Widths of the columns where blanks separate them and a line of so many characters has all of them: its numbers run together.
+    pub fn run_together(&self, characters: usize) -> Option<Vec<usize>> {
+        if self.separator != Separator::Blanks || !self.widths.is_empty() {
+            return None;
+        }
+        let data = self.head.iter().filter(|l| l.0 >= self.first_line);
+        let seen = widths::seen(data.map(|l| l.1.as_str()), self.usual)?;
+        (seen.iter().sum::<usize>() == characters).then_some(seen)
+    }
+
     /// Cells beyond this one belong to no column.
     pub fn width(&self) -> usize {
         self.header.len()
@@ -140,7 +198,7 @@ impl Layout {
             let words = if named.is_empty() {
                 "the header ends in names that are empty".to_owned()
             } else {
-                format!("'{}' stands in no row", named.join("', '"))
+                format!("'{}' stands in no row", listed(&named))
             };
             notes.info(
                 "empty_columns",
@@ -162,8 +220,8 @@ impl Layout {
                     findings.fault(
                         "column_missing",
                         format!(
-                            "{key}: no column {n}, there are {there}; separator '{}'",
-                            self.separator
+                            "{key}: no column {n}, there are {there}; {}",
+                            self.between()
                         ),
                     );
                     return None;
@@ -182,9 +240,9 @@ impl Layout {
                 findings.fault(
                     "column_missing",
                     format!(
-                        "{key}: no column '{name}' in the header ({}); separator '{}'{}",
-                        self.header.join(" | "),
-                        self.separator,
+                        "{key}: no column '{name}' in the header ({}); {}{}",
+                        listed(&self.header),
+                        self.between(),
                         self.hint(name)
                     ),
                 );

@@ -35,6 +35,7 @@ mod survey;
 mod table;
 mod text;
 pub mod unit;
+mod widths;
 mod write;
 
 pub use check::{Finding, Severity};

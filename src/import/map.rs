@@ -67,6 +67,23 @@ pub enum Missing {
     Hold,
 }
 
+/// Cells that stand for nothing measured, besides those that say so by themselves.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct MissingValues {
+    /// Compared as numbers.
+    pub numbers: Vec<f64>,
+    /// Compared as texts, without regard to case.
+    pub texts: Vec<String>,
+}
+
+impl MissingValues {
+    /// Whether a cell is one of them; `number` is what it holds, if one.
+    pub(crate) fn has(&self, cell: &str, number: Option<f64>) -> bool {
+        number.is_some_and(|v| self.numbers.contains(&v))
+            || self.texts.iter().any(|t| t.eq_ignore_ascii_case(cell))
+    }
+}
+
 /// Between samples of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Between {
@@ -93,8 +110,8 @@ pub struct ChannelMap {
     pub sd: Option<f64>,
     /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that means an empty cell.
-    pub missing_value: Option<f64>,
+    /// What else means an empty cell.
+    pub missing_values: MissingValues,
     /// A velocity along the tank's axes, to be rotated into the body's.
     pub in_tank: bool,
 }
@@ -116,8 +133,8 @@ pub struct CommandMap {
     pub between: Between,
     /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that means an empty cell.
-    pub missing_value: Option<f64>,
+    /// What else means an empty cell.
+    pub missing_values: MissingValues,
 }
 
 /// How a file's axes lie; the body's as the tank's.
@@ -141,8 +158,8 @@ pub struct QuaternionMap {
     pub axes: Axes,
     /// Meaning of an empty cell.
     pub missing: Missing,
-    /// A number that means an empty cell.
-    pub missing_value: Option<f64>,
+    /// What else means an empty cell.
+    pub missing_values: MissingValues,
 }
 
 /// How a row's time is written.
@@ -177,6 +194,10 @@ pub struct TimeMap {
     pub epoch_ns: i128,
     /// UNIX time of zero for a relative clock \[s\].
     pub start_unix_s: Option<f64>,
+    /// Which run, from 1, of a clock that was started anew in the file; `None` = it never was.
+    pub boot: Option<u32>,
+    /// Offset from UTC of stamps that state none \[min\].
+    pub utc_offset_min: Option<i32>,
     /// Only rows from here on \[s after the first row\].
     pub from_s: Option<f64>,
     /// Only rows up to here \[s after the first row\].
@@ -221,6 +242,8 @@ pub enum Encoding {
 pub struct FileMap {
     /// Between cells; `None` = a comma, or what a first line `sep=` says.
     pub separator: Option<Separator>,
+    /// Characters of each column where columns have fixed widths; empty = a separator stands between them.
+    pub widths: Vec<usize>,
     /// `.` or `,`.
     pub decimal: char,
     /// Sets the thousands apart; `None` = nothing does.
@@ -246,6 +269,7 @@ impl FileMap {
     pub(crate) fn plain() -> FileMap {
         FileMap {
             separator: None,
+            widths: Vec::new(),
             decimal: '.',
             thousands: None,
             encoding: None,
@@ -288,13 +312,21 @@ impl Map {
     /// # Errors
     /// [`MapError`].
     pub fn load(path: &Path) -> Result<Map, MapError> {
+        Self::load_with_text(path).map(|(map, _)| map)
+    }
+
+    /// The same with its text: what is read once (standard input, a pipe) has both.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn load_with_text(path: &Path) -> Result<(Map, String), MapError> {
         let file = path.display().to_string();
         let text = hydroline_rigs::bounded::read_text(path, hydroline_rigs::bounded::CONFIG_BYTES)
             .map_err(|source| MapError::Unreadable {
                 path: file.clone(),
                 source,
             })?;
-        Map::from_toml(&text, &file)
+        Ok((Map::from_toml(&text, &file)?, text))
     }
 
     /// Reads a map from a text.

@@ -1,11 +1,17 @@
 //! Numbers in cells, and what stands there instead.
 
+mod ascii;
+mod nothing;
+
 use std::borrow::Cow;
 
 use super::check::{Finding, FindingList};
 use super::map::{FileMap, Map};
+use ascii::usual_notation;
+pub(crate) use ascii::{ascii, has_bare_exponent};
+pub(crate) use nothing::says_nothing;
 
-/// A finite number with the file's decimal sign.
+/// A finite number with the file's decimal sign, in the notation of any locale or of Fortran.
 pub(crate) fn number(cell: &str, decimal: char) -> Option<f64> {
     let value: Option<f64> = if decimal == ',' {
         // A point in a file of decimal commas would be a separator of thousands, which the map names or not.
@@ -17,11 +23,17 @@ pub(crate) fn number(cell: &str, decimal: char) -> Option<f64> {
     } else {
         cell.parse().ok()
     };
-    value.filter(|v| v.is_finite())
+    value
+        .or_else(|| usual_notation(cell, decimal)?.parse().ok())
+        .filter(|v| v.is_finite())
 }
 
 /// A decimal number as mantissa and power of ten, exactly; `None` beyond 30 digits or for anything else.
 pub(crate) fn exact(cell: &str, decimal: char) -> Option<(i128, i32)> {
+    exactly(cell, decimal).or_else(|| exactly(&usual_notation(cell, decimal)?, '.'))
+}
+
+fn exactly(cell: &str, decimal: char) -> Option<(i128, i32)> {
     let (negative, digits) = match cell.as_bytes() {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),
@@ -65,17 +77,6 @@ pub(crate) fn nanoseconds((mantissa, power): (i128, i32), unit_ns: i128) -> Opti
     Some((product + half) / ten)
 }
 
-/// Whether a cell says that there is nothing: empty, or a word for it.
-pub(crate) fn says_nothing(cell: &str) -> bool {
-    const WORDS: [&str; 9] = ["nan", "na", "n/a", "null", "none", "-nan", "nat", "-", "--"];
-    cell.is_empty()
-        || (cell.len() <= 6
-            && WORDS
-                .iter()
-                .chain(&["#n/a", "-nan(i", "<na>"])
-                .any(|w| cell.eq_ignore_ascii_case(w)))
-}
-
 /// Whether a character sets thousands apart in a file where `thousands` does.
 fn is_mark(c: char, thousands: char) -> bool {
     match thousands {
@@ -87,7 +88,8 @@ fn is_mark(c: char, thousands: char) -> bool {
 
 /// The mark between a number's thousands, where it has one and groups of three: `1,234.5`, `1.234,5`, `1 234.5`, `1'234.5`.
 fn grouped_by(cell: &str, decimal: char) -> Option<char> {
-    let whole = cell
+    let own = ascii(cell);
+    let whole = own
         .trim_start_matches(['-', '+'])
         .split(decimal)
         .next()
@@ -114,7 +116,8 @@ pub(crate) fn ungrouped(cell: &str, thousands: Option<char>, decimal: char) -> C
     let Some(mark) = thousands.filter(|m| grouped_by(cell, decimal) == Some(*m)) else {
         return Cow::Borrowed(cell);
     };
-    let (whole, rest) = cell.split_at(cell.find(decimal).unwrap_or(cell.len()));
+    let own = ascii(cell);
+    let (whole, rest) = own.split_at(own.find(decimal).unwrap_or(own.len()));
     let digits = whole.chars().filter(|c| !is_mark(*c, mark));
     Cow::Owned(digits.chain(rest.chars()).collect())
 }
@@ -135,18 +138,27 @@ struct BadCell {
 
 impl BadCells {
     pub fn note(&mut self, column: &str, line: u64, cell: &str) {
-        let lower = cell.to_ascii_lowercase();
         let kind = if cell.is_empty() {
             "empty_cells"
-        } else if says_nothing(cell) || lower.contains("nan") || lower.contains("inf") {
+        } else if says_nothing(cell) {
             "nan"
-        } else if cell.replace(',', ".").parse::<f64>().is_ok()
-            || cell.replace(['.', ','], "").parse::<f64>().is_ok()
+        } else if [cell.replace(',', "."), cell.replace(['.', ','], "")]
+            .iter()
+            .any(|c| number(c, '.').is_some())
         {
             "decimal_separator"
         } else {
             "not_a_number"
         };
+        self.note_as(kind, column, line, cell);
+    }
+
+    /// Notes a cell that the map says is empty, where none may be.
+    pub fn note_stated(&mut self, column: &str, line: u64, cell: &str) {
+        self.note_as("missing_value", column, line, cell);
+    }
+
+    fn note_as(&mut self, kind: &'static str, column: &str, line: u64, cell: &str) {
         let mut seen = self.seen.iter_mut();
         match seen.find(|s| s.kind == kind && s.column == column) {
             Some(s) => s.count += 1,
@@ -174,17 +186,25 @@ impl BadCells {
     }
 
     pub fn report(&self, map: &Map, findings: &mut Vec<Finding>) {
-        let missing = "; where that is no loss, the map says missing = \"skip\" or \"hold\" there";
         for seen in &self.seen {
             let (kind, column, count) = (seen.kind, &seen.column, seen.count);
             let (line, cell) = (seen.first_line, &seen.first_cell);
+            // A row without its time is lost, whatever the map says.
+            let missing = if column == "time" {
+                ""
+            } else {
+                "; where that is no loss, the map says missing = \"skip\" or \"hold\" there"
+            };
             let words = match kind {
                 "empty_cells" => format!(
-                    "column '{column}': {count} empty cell(s), the first on line {line}{}",
-                    if column == "time" { "" } else { missing }
+                    "column '{column}': {count} empty cell(s), the first on line {line}{missing}"
                 ),
                 "nan" => format!(
-                    "column '{column}': {count} cell(s) hold '{cell}' or the like, the first on line {line}"
+                    "column '{column}': {count} cell(s) hold '{cell}' or the like, the first on line {line}{}{missing}",
+                    nothing::cause(cell)
+                ),
+                "missing_value" => format!(
+                    "column '{column}': {count} cell(s) hold '{cell}' or another missing_value of the map, the first on line {line}{missing}"
                 ),
                 "decimal_separator" => format!(
                     "column '{column}': {count} cell(s) like '{cell}' (line {line}) do not fit the decimal sign '{}'; set file.decimal, or mend the export{}",
@@ -192,8 +212,16 @@ impl BadCells {
                     Self::thousands(cell, &map.file)
                 ),
                 _ => format!(
-                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'{}",
-                    Self::thousands(cell, &map.file)
+                    "column '{column}': {count} cell(s) are no numbers, the first on line {line}: '{cell}'{}{}",
+                    Self::thousands(cell, &map.file),
+                    if column == "time" {
+                        String::new()
+                    } else {
+                        format!(
+                            "; if it says that nothing was measured: missing = \"skip\" and missing_value = {}",
+                            toml::Value::String(cell.clone())
+                        )
+                    }
                 ),
             };
             findings.fault_at(kind, Some(line), words);
@@ -237,6 +265,35 @@ mod tests {
         ] {
             assert_eq!(exact(bad, '.'), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn numbers_of_locales_and_of_fortran_are_read() {
+        for (cell, decimal, expected) in [
+            ("\u{2212}0,20", ',', -0.2),
+            ("\u{2013}0.20", '.', -0.2),
+            ("\u{ff0d}0.20", '.', -0.2),
+            ("\u{200e}\u{2212}0.20", '.', -0.2),
+            ("\u{2212}\u{a0}0.20\u{202f}", '.', -0.2),
+            ("\u{ff11}\u{ff12}.5", '.', 12.5),
+            ("1.0D-01", '.', 0.1),
+            ("-.1000000d+01", '.', -1.0),
+            ("1,5Q2", ',', 150.0),
+            ("3.1-114", '.', 3.1e-114),
+            ("0.5771964+104", '.', 0.577_196_4e104),
+            ("2.5×10^\u{2212}3", '.', 2.5e-3),
+        ] {
+            let found = number(cell, decimal).unwrap_or(f64::NAN);
+            assert!((found / expected - 1.0).abs() < 1e-12, "{cell}: {found}");
+        }
+        assert_eq!(exact("\u{2212}1.5D+01", '.'), Some((-15, 0)));
+        for bad in [
+            "10-12", "1.0-2024", "1.0D", "D5", "--1", "1.0-1.0", "1.2.3D4", "\u{2212}", "1.5.",
+            "(1.5)",
+        ] {
+            assert_eq!(number(bad, '.'), None, "{bad}");
+        }
+        assert!(has_bare_exponent("3.1-114") && !has_bare_exponent("-3.1e-114"));
     }
 
     #[test]

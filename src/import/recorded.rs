@@ -12,6 +12,7 @@ mod head;
 mod json;
 mod mcap;
 mod message;
+pub(crate) mod order;
 mod packed;
 mod packed_file;
 mod protobuf;
@@ -26,16 +27,18 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use hydroline_rigs::bounded;
+
 use crate::check::{Finding, FindingList};
 use crate::map::Map;
-use crate::source::Source;
+use crate::source::{Source, State};
 pub use contents::{Contents, FieldContents, TopicContents};
+pub use hydroline_log::foreign::Foreign;
+use hydroline_log::foreign::{self, Content};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
+pub(crate) use packed_file::Packing;
 use packed_file::Unpacked;
-
-/// Bytes that tell the kind.
-const HEAD_BYTES: u64 = 4096;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -47,19 +50,31 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(head: &[u8]) -> Option<Kind> {
-        if head.starts_with(b"\x89MCAP0\r\n") {
-            Some(Kind::Mcap)
-        } else if head.starts_with(b"SQLite format 3\0") {
-            Some(Kind::Db3)
-        } else if head.starts_with(&[0xa3, 0x95, 0x80]) {
-            Some(Kind::DataFlash)
-        } else if head.starts_with(&ulog::MAGIC) {
-            Some(Kind::ULog)
-        } else if telemetry::begins(head) {
-            Some(Kind::Telemetry)
-        } else {
-            None
+    /// Kind of a log that is read here; `None` = it may be a table.
+    fn of(head: &[u8]) -> Result<Option<Kind>, RecordedError> {
+        Ok(Some(match Content::of(head) {
+            Content::Mcap => Kind::Mcap,
+            Content::Sqlite => Kind::Db3,
+            Content::DataFlash => Kind::DataFlash,
+            Content::Telemetry => Kind::Telemetry,
+            Content::ULog => Kind::ULog,
+            Content::Other(Foreign { what, next }) => {
+                return Err(RecordedError::NotRead { what, next });
+            }
+            Content::Text => return Ok(None),
+        }))
+    }
+
+    /// Way on with a damaged log of the kind.
+    fn mending(self) -> &'static str {
+        match self {
+            Kind::Mcap => "`hydroline recover` writes what is sound into a new file",
+            Kind::Db3 => {
+                "`sqlite3 FILE .recover | sqlite3 NEW.db3` writes what is sound into a new file"
+            }
+            Kind::DataFlash | Kind::Telemetry | Kind::ULog => {
+                "fetch it anew from the vehicle or the ground station, as it was there"
+            }
         }
     }
 
@@ -88,6 +103,8 @@ impl Kind {
 #[derive(Debug)]
 pub struct Recording {
     files: Unpacked,
+    /// Files as they were opened.
+    states: Vec<State>,
     kind: Kind,
     contents: Contents,
     topics: Vec<String>,
@@ -121,7 +138,13 @@ impl Recording {
     /// [`RecordedError`] of a log that cannot be read.
     pub fn open(path: &Path) -> Result<Option<Recording>, RecordedError> {
         let files = if path.is_dir() {
-            files_of(path)?
+            let files = files_of(path)?;
+            for file in &files {
+                let named =
+                    |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", file.display()));
+                bounded::check_file(file).map_err(named)?;
+            }
+            files
         } else {
             vec![path.to_owned()]
         };
@@ -129,10 +152,12 @@ impl Recording {
         let Some(first) = files.files.first() else {
             return Ok(None);
         };
-        let head = head::head(first, HEAD_BYTES)?;
-        let Some(kind) = Kind::of(&head) else {
-            return head::not_read(&head).map_or(Ok(None), Err);
+        let head = head::head(first, foreign::HEAD_BYTES)?;
+        let Some(kind) = Kind::of(&head)? else {
+            return Ok(None);
         };
+        let states: Result<Vec<State>, _> = files.files.iter().map(|f| State::of(f)).collect();
+        let states = states?;
         let mut gather = contents::Gather::default();
         let account = read(kind, &files.files, &mut gather)?;
         let contents = gather.finish(kind.words(), account);
@@ -152,6 +177,7 @@ impl Recording {
         }
         Ok(Some(Recording {
             files,
+            states,
             kind,
             contents,
             topics: Vec::new(),
@@ -213,6 +239,7 @@ impl Recording {
             let damage = cause.message.split("; ").next().unwrap_or_default();
             return Err(RecordedError::Damaged {
                 damage: damage.to_owned(),
+                next: self.kind.mending(),
             });
         }
         let chosen = |topic: &str| self.is_chosen(topic);
@@ -227,6 +254,7 @@ impl Recording {
             &mut scratch,
         )?;
         read(self.kind, &self.files.files, &mut writer)?;
+        self.states.iter().try_for_each(State::unchanged)?;
         let (rows, found) = writer.finish()?;
         findings.extend(found);
         let of = if several { ", one for each stamp" } else { "" };
@@ -261,6 +289,9 @@ impl Recording {
                     None,
                     format!("{words}{bytes}; import what is sound with --accept-faults"),
                 )
+            } else if u.what.starts_with("images of ") {
+                let way = "nothing is imported of images; `hydroline replay` leaves these out and counts them";
+                Finding::warning("damaged_images", None, format!("{words}; {way}"))
             } else if u.what.starts_with("gaps") {
                 Finding::warning("dropouts", None, words)
             } else {
@@ -309,3 +340,6 @@ impl Source for RecordedTable {
         Ok(Box::new(copy))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,18 +1,26 @@
 //! The rows of a table, one after the other, and what is wrong with their form.
 
+mod counts;
+
 use std::io::{self, Read};
 
 use crate::cells::{Cells, Splitter};
 use crate::check::{Finding, FindingList};
-use crate::layout::{Layout, is_aside};
+use crate::layout::{Layout, is_aside, shown};
 use crate::map::{FileMap, Separator};
+use crate::number::number;
 use crate::text::Lines;
+use crate::widths;
+use counts::Counts;
 
 /// A quoted cell does not go on over more lines than this.
 const QUOTED_LINES_MAX: usize = 50;
 
 /// Lines with which a segment of a LabVIEW file (.lvm) begins, or its header ends.
 const SEGMENT: [&str; 3] = ["Channels\t", "***End_of_Header***", "LabVIEW Measurement"];
+
+/// Share of rows in which a border inside a number shows wrong widths: columns that touch are the exception.
+const CUT_SHARE: f64 = 0.5;
 
 /// Rows with a fault: how many, and where the first stands.
 #[derive(Debug, Clone, Copy, Default)]
@@ -39,6 +47,16 @@ pub(crate) struct Form {
     wrong_encoding: Option<u64>,
     /// Another header of the same file, as LabVIEW begins each segment with.
     segment: Option<u64>,
+    /// Rows that hold the header's names again.
+    names: Tally,
+    counts: Counts,
+    /// Characters of the first row with too few cells.
+    short_characters: usize,
+    /// Rows, and those in which a border of fixed widths stands inside a number.
+    rows: usize,
+    cut_numbers: Tally,
+    /// First row of fixed widths, as it was divided.
+    divided: Option<(u64, String)>,
     cut: Cut,
 }
 
@@ -50,7 +68,7 @@ pub(crate) fn each_row<R: Read>(
     mut row: impl FnMut(u64, Option<Cells<'_>>) -> io::Result<bool>,
 ) -> io::Result<Form> {
     let mut lines = Lines::new(source, layout.format)?;
-    let mut splitter = Splitter::new(layout.separator);
+    let mut splitter = Splitter::of(layout.separator, &file.widths);
     let mut form = Form::default();
     let (width, least) = (layout.width(), layout.width().min(layout.usual));
     let mut joined = String::new();
@@ -92,7 +110,20 @@ pub(crate) fn each_row<R: Read>(
         }
         let cells = splitter.split(line);
         let count = cells.len();
+        if numbers && names_again(cells, layout) {
+            form.names.add(number);
+            row(number, None)?;
+            continue;
+        }
+        form.counts.row(number, count, cells.filled());
+        form.rows += 1;
+        if !file.widths.is_empty() {
+            form.divide(number, line, cells, file);
+        }
         let sound = if count < least {
+            if form.short.count == 0 {
+                form.short_characters = line.trim_end().chars().count();
+            }
             form.short.add(number);
             None
         } else if count > width && !cells.empty_from(width) {
@@ -117,36 +148,130 @@ pub(crate) fn each_row<R: Read>(
     Ok(form)
 }
 
+/// Whether a row holds names of the header: another recording was written behind the first.
+fn names_again(cells: Cells<'_>, layout: &Layout) -> bool {
+    let first = cells.iter().find(|c| !c.is_empty()).unwrap_or("");
+    if !first.starts_with(|c: char| c.is_alphabetic() || c == '_' || c == '/' || c == '%') {
+        return false;
+    }
+    let is_name = |c: &&str| {
+        number(c, '.').is_none() && !c.is_empty() && layout.header.iter().any(|h| h == c)
+    };
+    let (names, filled) = (
+        cells.iter().filter(is_name).count(),
+        cells.iter().filter(|c| !c.is_empty()).count(),
+    );
+    names >= 2 && 2 * names > filled
+}
+
 impl Form {
-    /// Adds what was found.
-    pub fn report(&self, layout: &Layout, findings: &mut Vec<Finding>) {
+    /// Notes how a row of fixed widths is divided.
+    fn divide(&mut self, number: u64, line: &str, cells: Cells<'_>, file: &FileMap) {
+        if self.divided.is_none() {
+            let cells: Vec<&str> = cells.iter().collect();
+            self.divided = Some((number, cells.join(" | ")));
+        }
+        if widths::cuts_a_number(line, &file.widths) {
+            self.cut_numbers.add(number);
+        }
+    }
+
+    /// Way on for rows whose number of cells changes in mid-file; `None` = it does not.
+    fn change(&self, layout: &Layout) -> Option<String> {
+        let line = self.counts.changes_at()?;
+        Some(format!(
+            "{}, the header {}: did columns appear or go? Which cell is which after that the names do not say. [file] last_line = {} takes the rows before; for those from line {line} on, a map with first_line = {line}, header = false and columns by number",
+            self.counts.words(),
+            layout.width(),
+            line - 1,
+        ))
+    }
+
+    /// Findings about the number of cells in the rows.
+    fn report_counts(&self, layout: &Layout, findings: &mut Vec<Finding>) {
+        let change = self.change(layout);
         let Tally { count, first } = self.short;
         if count > 0 {
-            findings.fault_at(
-                "truncated_rows",
-                Some(first),
-                format!(
+            let together = layout.run_together(self.short_characters);
+            let words = match (&together, &change) {
+                (Some(widths), _) => format!(
+                    "{count} row(s) have fewer cells than the others' {}, the first on line {first}, and are as long: numbers that run together? [file] {} in place of the separator",
+                    layout.usual,
+                    widths::words(widths),
+                ),
+                (None, Some(change)) => change.clone(),
+                (None, None) => format!(
                     "{count} row(s) have fewer cells than the header's {}, the first on line {first}; was the file cut?",
                     layout.width(),
                 ),
-            );
+            };
+            findings.fault_at("truncated_rows", Some(first), words);
         }
         let Tally { count, first } = self.long;
         if count > 0 {
-            let hint = if layout.separator == Separator::Byte(b',') {
-                "decimal commas in a comma-separated file? Export with ; or decimal points"
-            } else {
-                "is the separator right?"
-            };
-            findings.fault_at(
-                "too_many_cells",
-                Some(first),
+            let words = change.clone().unwrap_or_else(|| {
+                let hint = if !layout.widths.is_empty() {
+                    "characters stand beyond the last of [file] widths"
+                } else if layout.separator == Separator::Byte(b',') {
+                    "decimal commas in a comma-separated file? Export with ; or decimal points"
+                } else {
+                    "is the separator right?"
+                };
                 format!(
                     "{count} row(s) have more cells than the header's {}, the first on line {first}; {hint}",
                     layout.width(),
+                )
+            });
+            findings.fault_at("too_many_cells", Some(first), words);
+        }
+        if self.short.count == 0
+            && self.long.count == 0
+            && let Some(change) = change
+        {
+            findings.fault_at("columns_change", self.counts.changes_at(), change);
+        }
+        let Tally { count, first } = self.names;
+        if count > 0 {
+            findings.fault_at(
+                "header_again",
+                Some(first),
+                format!(
+                    "{count} row(s) hold the header's names again, the first on line {first}: several recordings in one file? Import each into a log of its own: [file] last_line = {} is the first, header_line = {first} the next",
+                    first - 1,
                 ),
             );
         }
+    }
+
+    /// Findings about fixed widths.
+    fn report_widths(&self, layout: &Layout, findings: &mut Vec<Finding>) {
+        let Some((line, divided)) = &self.divided else {
+            return;
+        };
+        findings.info(
+            "fixed_widths",
+            format!(
+                "{}: line {line} is read as {divided}",
+                widths::words(&layout.widths)
+            ),
+        );
+        let Tally { count, first } = self.cut_numbers;
+        if count as f64 > CUT_SHARE * self.rows as f64 {
+            findings.warning_at(
+                "fixed_widths",
+                Some(first),
+                format!(
+                    "in {count} of {} rows a border of the columns stands between two digits, first on line {first}: are the widths right? Line {line} is read as {divided}",
+                    self.rows
+                ),
+            );
+        }
+    }
+
+    /// Adds what was found.
+    pub fn report(&self, layout: &Layout, findings: &mut Vec<Finding>) {
+        self.report_counts(layout, findings);
+        self.report_widths(layout, findings);
         let Tally { count, first } = self.open;
         if count > 0 {
             findings.fault_at("unreadable_row", Some(first), format!("{count} quoted cell(s) have no end, the first begins on line {first}; mend the quotes"));
@@ -220,7 +345,9 @@ impl Cut {
         }
         let words = format!(
             "the last cell of the file, '{}' on line {}, is shorter than any other of its column (at least {} characters) and no line end follows",
-            self.last, self.last_line, self.shortest
+            shown(&self.last),
+            self.last_line,
+            self.shortest
         );
         Some(if !self.uneven && decimals(&self.last) < self.decimals {
             Finding::fault(

@@ -1,110 +1,33 @@
-//! ISO 8601 stamps with their zone, and stamps by a pattern.
+//! Stamps of dates and clocks: ISO 8601, and by a pattern.
 
-use chrono::NaiveDate;
-use chrono::format::{Item, Parsed, StrftimeItems, parse as parse_items};
+mod iso;
+mod pattern;
 
-use super::number::{exact, nanoseconds};
+pub(crate) use iso::{parse, zone};
+pub(crate) use pattern::{Pattern, Stamp};
 
 pub(crate) const SECOND_NS: i128 = 1_000_000_000;
 
-/// Zone of a stamp: minutes east of Greenwich, or none written.
-pub type Zone = Option<i32>;
-
-/// `2026-03-01T12:00:00.25+01:00` (T or blank; zone Z, +hh:mm, +hhmm or none) as UNIX \[ns\] and zone.
-///
-/// Without a zone the stamp is read as UTC; that it had none is returned.
-pub fn parse(text: &str) -> Option<(i128, Zone)> {
-    let text = text.trim();
-    let (date, rest) = text.split_at_checked(10)?;
-    let mut parts = date.split('-');
-    let mut number = || parts.next()?.parse::<u32>().ok();
-    let (year, month, day) = (number()?, number()?, number()?);
-    let date = NaiveDate::from_ymd_opt(year.try_into().ok()?, month, day)?;
-    let rest = rest.strip_prefix(['T', 't', ' '])?;
-    let zone_at = rest.find(['Z', 'z', '+', '-']).unwrap_or(rest.len());
-    let (clock, zone) = rest.split_at(zone_at);
-    let mut parts = clock.trim_end().split(':');
-    let hour: u32 = parts.next()?.parse().ok()?;
-    let minute: u32 = parts.next()?.parse().ok()?;
-    let to_the_minute = date.and_hms_opt(hour, minute, 0)?.and_utc().timestamp();
-    // Both signs are the standard's.
-    let second = parts.next().unwrap_or("0").replace(',', ".");
-    let second_ns = nanoseconds(exact(&second, '.')?, SECOND_NS)?;
-    if !(0..61 * SECOND_NS).contains(&second_ns) || parts.next().is_some() {
-        return None;
-    }
-    let zone = match zone.trim() {
-        "" => None,
-        "Z" | "z" => Some(0),
-        offset => {
-            let sign = if offset.starts_with('-') { -1 } else { 1 };
-            let digits: String = offset.chars().filter(char::is_ascii_digit).collect();
-            let (h, m) = digits.split_at_checked(2)?;
-            Some(
-                sign * (h.parse::<i32>().ok()? * 60
-                    + if m.is_empty() {
-                        0
-                    } else {
-                        m.parse::<i32>().ok()?
-                    }),
-            )
-        }
-    };
-    let utc = to_the_minute - i64::from(zone.unwrap_or(0)) * 60;
-    Some((i128::from(utc) * SECOND_NS + second_ns, zone))
+/// Zone of a stamp, as it is written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Zone {
+    /// None.
+    Open,
+    /// Minutes east of Greenwich.
+    Offset(i32),
+    /// A name that says no offset by itself: CST is one in America, one in China and one in Australia.
+    Named(String),
 }
 
-/// A pattern as of `strftime`, made ready.
-pub(crate) struct Pattern {
-    items: Vec<Item<'static>>,
-}
-
-/// A stamp read by a pattern.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Stamp {
-    /// UNIX \[ns\] and zone.
-    Date(i128, Zone),
-    /// Since midnight \[ns\]: the pattern has no date.
-    OfDay(i128),
-}
-
-impl Pattern {
-    /// `None` = no pattern.
-    pub fn new(format: &str) -> Option<Pattern> {
-        let items = StrftimeItems::new(format).parse_to_owned().ok()?;
-        Some(Pattern { items })
-    }
-
-    pub fn parse(&self, text: &str) -> Option<Stamp> {
-        let mut parsed = Parsed::new();
-        parse_items(&mut parsed, text.trim(), self.items.iter()).ok()?;
-        let ns = |s: i64, nanos: u32| i128::from(s) * SECOND_NS + i128::from(nanos);
-        if parsed.offset().is_some() || parsed.timestamp().is_some() {
-            let at = parsed.to_datetime().ok()?;
-            let zone = at.offset().local_minus_utc() / 60;
-            return Some(Stamp::Date(
-                ns(at.timestamp(), at.timestamp_subsec_nanos()),
-                Some(zone),
-            ));
-        }
-        if let Ok(at) = parsed.to_naive_datetime_with_offset(0) {
-            let utc = at.and_utc();
-            return Some(Stamp::Date(
-                ns(utc.timestamp(), utc.timestamp_subsec_nanos()),
-                None,
-            ));
-        }
-        // A date that is none, or one without a clock.
-        if parsed.year().is_some() || parsed.month().is_some() || parsed.day().is_some() {
-            return None;
-        }
-        use chrono::Timelike;
-        let at = parsed.to_naive_time().ok()?;
-        Some(Stamp::OfDay(ns(
-            i64::from(at.num_seconds_from_midnight()),
-            at.nanosecond(),
-        )))
-    }
+/// A stamp as it is read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Instant {
+    /// UNIX time \[ns\]; as if in UTC where the zone states no offset.
+    pub ns: i128,
+    /// Zone that is written.
+    pub zone: Zone,
+    /// Whether its second is the sixtieth: a leap second, or a fraction that was rounded up.
+    pub is_second_60: bool,
 }
 
 #[cfg(test)]
@@ -114,7 +37,14 @@ mod tests {
     #[test]
     fn patterns_read_what_people_write() {
         let read = |format: &str, text: &str| Pattern::new(format)?.parse(text);
-        let expected = Some(Stamp::Date(1_709_633_472_123_000_000, None));
+        let date = |ns, zone| {
+            Some(Stamp::Date(Instant {
+                ns,
+                zone,
+                is_second_60: false,
+            }))
+        };
+        let expected = date(1_709_633_472_123_000_000, Zone::Open);
         for (format, text) in [
             ("%d.%m.%Y %H:%M:%S%.f", "05.03.2024 10:11:12.123"),
             ("%m/%d/%Y %I:%M:%S%.f %p", "03/05/2024 10:11:12.123 AM"),
@@ -125,10 +55,47 @@ mod tests {
         }
         assert_eq!(
             read("%Y-%m-%d %H:%M:%S %z", "2024-03-05 11:11:12 +0100"),
-            Some(Stamp::Date(1_709_633_472_000_000_000, Some(60)))
+            date(1_709_633_472_000_000_000, Zone::Offset(60))
         );
         let noon = 12 * 3600 * SECOND_NS;
-        assert_eq!(read("%I:%M:%S %p", "12:00:00 PM"), Some(Stamp::OfDay(noon)));
+        let day = |ns| {
+            Some(Stamp::Clock {
+                ns,
+                turn_ns: 86_400 * SECOND_NS,
+                is_second_60: false,
+            })
+        };
+        assert_eq!(read("%I:%M:%S %p", "12:00:00 PM"), day(noon));
+        // A narrow blank, as newer programs write it before AM and PM.
+        assert_eq!(read("%I:%M:%S %p", "12:00:00\u{202f}PM"), day(noon));
+        // Hours of a clock that runs on beyond a day; zeros that a spreadsheet dropped.
+        assert_eq!(read("%H:%M:%S%.f", "36:00:00.0"), day(3 * noon));
+        assert_eq!(
+            read("%H%M%S%.f", "93050.25"),
+            day((9 * 3600 + 30 * 60 + 50) * SECOND_NS + 250_000_000)
+        );
+        let hour = |ns| {
+            Some(Stamp::Clock {
+                ns,
+                turn_ns: 3600 * SECOND_NS,
+                is_second_60: false,
+            })
+        };
+        assert_eq!(
+            read("%M:%S%.f", "58:59.5"),
+            hour((58 * 60 + 59) * SECOND_NS + 500_000_000)
+        );
+        assert_eq!(read("%M:%S%.f", "75:00"), hour(75 * 60 * SECOND_NS));
+        assert_eq!(read("%M:%S%.f", "75:61"), None);
+        let named = |text: &str| read("%Y-%m-%d %H:%M:%S %Z", text);
+        assert_eq!(
+            named("2024-03-05 10:11:12 UTC"),
+            date(1_709_633_472_000_000_000, Zone::Offset(0))
+        );
+        assert_eq!(
+            named("2024-03-05 10:11:12 CET"),
+            date(1_709_633_472_000_000_000, Zone::Named("CET".into()))
+        );
         assert_eq!(read("%d.%m.%Y", "05.03.2024"), None);
         assert_eq!(read("%d.%m.%Y %H:%M", "31.02.2024 10:00"), None);
         assert!(Pattern::new("%Q").is_none());
@@ -146,18 +113,49 @@ mod tests {
 
     #[test]
     fn stamps_of_known_instants() {
-        assert_eq!(parse("1970-01-01T00:00:00Z"), Some((0, Some(0))));
+        let of = |ns, zone| {
+            Some(Instant {
+                ns,
+                zone,
+                is_second_60: false,
+            })
+        };
+        let whole = |s: i128, zone| of(s * SECOND_NS, zone);
+        assert_eq!(parse("1970-01-01T00:00:00Z"), of(0, Zone::Offset(0)));
         assert_eq!(
             parse("2020-09-13 12:26:40"),
-            Some((1_600_000_000 * SECOND_NS, None))
+            whole(1_600_000_000, Zone::Open)
         );
-        assert_eq!(
-            parse("2020-09-13T14:26:40.5+02:00"),
-            Some((1_600_000_000_500_000_000, Some(120)))
-        );
+        for (text, zone) in [
+            ("2020-09-13T14:26:40.5+02:00", Zone::Offset(120)),
+            ("20200913T142640,5+02", Zone::Offset(120)),
+            ("2020-257T12:26:40.5 UTC", Zone::Offset(0)),
+            ("2020257T122640.5Z", Zone::Offset(0)),
+            ("2020-W37-7T12:26:40.5", Zone::Open),
+            (
+                "2020-09-13T08:26:40.5\u{2212}04:00[America/New_York]",
+                Zone::Offset(-240),
+            ),
+            ("2020-09-13 12:26:40.5 CEST", Zone::Named("CEST".into())),
+            (
+                "2020-09-13T12:26:40.5[Europe/Berlin]",
+                Zone::Named("Europe/Berlin".into()),
+            ),
+        ] {
+            assert_eq!(parse(text), of(1_600_000_000_500_000_000, zone), "{text}");
+        }
         assert_eq!(
             parse("2024-02-29T00:00:00-0130"),
-            Some((1_709_170_200 * SECOND_NS, Some(-90)))
+            whole(1_709_170_200, Zone::Offset(-90))
+        );
+        assert_eq!(
+            parse("2020-09-12T24:00:00Z"),
+            whole(1_599_955_200, Zone::Offset(0))
+        );
+        let leap = parse("2016-12-31T23:59:60.25Z").unwrap();
+        assert_eq!(
+            (leap.ns, leap.is_second_60),
+            (1_483_228_800_250_000_000, true)
         );
         for bad in [
             "",
@@ -169,6 +167,14 @@ mod tests {
             "2025-02-29T12:00:00Z",
             "2026-04-31T12:00:00Z",
             "é020-01-01T0",
+            "2020-01-01T24:00:01.5",
+            "2020-01-01T12:00:61",
+            "2020-01-01T1:2:3:4",
+            "2020-01-01T12:00:00+25:00",
+            "2020-01-01T12:00:00+02:75",
+            "2020-366T12:00:00:00",
+            "2021-366T12:00:00",
+            "20200101120000",
         ] {
             assert_eq!(parse(bad), None, "{bad}");
         }

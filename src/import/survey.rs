@@ -45,6 +45,7 @@ pub fn survey(source: &(impl Source + ?Sized), map: &Map, rig: Option<&Rig>) -> 
         spooler.row(sample);
         Ok(())
     })?;
+    source.unchanged()?;
     let (found, spoilt) = watch.finish();
     Ok(Survey {
         start_ns: passed.start_ns,
@@ -72,6 +73,7 @@ pub fn read_table(
         data.push(sample, map);
         Ok(())
     })?;
+    source.unchanged()?;
     let (found, spoilt) = watch.finish();
     data.start_ns = passed.start_ns;
     data.relative_origin_ns = passed.relative_origin_ns;

@@ -2,20 +2,21 @@
 
 mod cell;
 mod columns;
+mod taken;
 
 use std::io;
 
 use hydroline_rigs::Rig;
 
 use crate::check::{Finding, FindingList, Severity};
-use crate::clock::{Clock, granularity, start_ns};
+use crate::clock::{Boots, Clock, granularity};
 use crate::layout::Layout;
-use crate::map::{Map, Missing, PLACES};
+use crate::map::{Map, PLACES};
 use crate::number::BadCells;
 use crate::rows::{Form, each_row};
 use crate::source::Source;
-use cell::Reader;
 pub(crate) use columns::Columns;
+use taken::{HeldRow, Taken};
 
 /// Rows from which the rounding of the stamps is known.
 const ROWS_FOR_GRANULARITY: usize = 500;
@@ -193,6 +194,7 @@ pub(crate) fn pass(
     let Some(mut clock) = Clock::new(map, &layout, &mut findings) else {
         return Ok(nothing(findings));
     };
+    let mut even = None;
     if map.time.rate_hz.is_some() {
         let stamps = first_stamps(source, &layout, map, &mut clock)?;
         // The stamps read ahead are read again.
@@ -200,55 +202,45 @@ pub(crate) fn pass(
             return Ok(nothing(findings));
         };
         clock = again;
-        clock.make_even(&map.time, granularity(&stamps));
+        even = clock.even(&map.time, granularity(&stamps));
     }
-    let mut reader = Reader::new(map, &columns);
+    let mut boots = Boots::new(map);
+    let mut taken = Taken::new(map, &columns, even, &mut each);
     let mut lost_rows = 0;
-    let mut origin: Option<(i128, u64)> = None;
-    let may_share = map.sparse() || map.commands.iter().any(|c| c.missing != Missing::Fault);
-    let mut waiting: Option<(Sample, u64)> = None;
+    let mut held: Vec<HeldRow> = Vec::new();
     let form: Form = each_row(source.open()?, &layout, &map.file, |line, cells| {
         let Some(cells) = cells else {
             clock.skip();
             lost_rows += 1;
             return Ok(true);
         };
-        let Some(ns) = clock.read(cells, line, &mut reader.bad) else {
+        let Some(ns) = clock.read(cells, line, taken.bad_cells()) else {
             lost_rows += 1;
             return Ok(true);
         };
-        let (zero_ns, start) =
-            *origin.get_or_insert_with(|| (ns, start_ns(&map.time, ns, &mut findings)));
-        // Through whole nanoseconds: as exact as the file is.
-        let t_s = (ns - zero_ns) as f64 / 1e9;
-        if map.time.from_s.is_some_and(|from| t_s < from)
-            || map.time.to_s.is_some_and(|to| t_s > to)
-        {
-            return Ok(true);
+        let seen = boots.see(ns, line);
+        if let Some(run) = seen.held {
+            taken.rows(&mut held, run, &mut boots, &mut findings)?;
         }
-        let sample = reader.read(cells, line, t_s);
-        if !may_share {
-            each(sample, start)?;
-            return Ok(true);
-        }
-        // Values of one time may be in several rows.
-        match &mut waiting {
-            Some((before, _)) if before.takes(sample) => before.take(sample),
-            Some((before, at)) => {
-                each(before, *at)?;
-                before.clone_from(sample);
-                *at = start;
-            }
-            None => waiting = Some((sample.clone(), start)),
+        match seen.own {
+            Some(run) if boots.takes(run) => taken.row(cells, line, ns, &mut findings)?,
+            Some(_) => boots.others += 1,
+            None => held.push(HeldRow {
+                line,
+                ns,
+                cells: cells.keep(),
+            }),
         }
         Ok(true)
     })?;
-    if let Some((last, at)) = &waiting {
-        each(last, *at)?;
+    let rest = boots.rest();
+    taken.rows(&mut held, rest, &mut boots, &mut findings)?;
+    let (origin, even) = taken.finish(&mut findings, |findings| form.report(&layout, findings))?;
+    boots.report(&mut findings);
+    clock.report(&map.time, even.as_ref(), origin.map(|o| o.0), &mut findings);
+    if map.time.boot.is_none() {
+        lost_rows += boots.others;
     }
-    form.report(&layout, &mut findings);
-    reader.report(&mut findings);
-    clock.report(&map.time, origin.map(|o| o.0), &mut findings);
     let own_zero = !map.time.unix && map.time.start_unix_s.is_none();
     Ok(Passed {
         start_ns: origin.map_or(0, |o| o.1),

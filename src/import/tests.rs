@@ -1,11 +1,14 @@
 use super::*;
 use proptest::prelude::*;
 
+mod clocks;
 mod foreign;
+mod guesses;
 #[path = "../../tests/support/inputs.rs"]
 mod inputs;
 mod layouts;
 mod motions;
+mod notations;
 mod reports;
 mod values;
 mod written;

@@ -71,7 +71,7 @@ pub static UNITS: &[Unit] = units! {
     Length "in" = FOOT_M / 12.0 => "inch" "inches";
     Length "nmi" = 1852.0 => "nautical mile" "nautical miles";
     Angle "rad" = 1.0 => "radian" "radians";
-    Angle "deg" = DEG => "°" "degree" "degrees" "degs";
+    Angle "deg" = DEG => "°" "º" "˚" "degree" "degrees" "degs";
     Angle "mrad" = 1e-3 => "milliradian" "milliradians";
     Angle "cdeg" = 0.01 * DEG => "centidegree" "centidegrees" "centideg";
     Angle "arcmin" = DEG / 60.0 => "arcminute" "arcminutes" "minutes of arc";
@@ -84,7 +84,7 @@ pub static UNITS: &[Unit] = units! {
     Speed "ft/s" = FOOT_M => "fps" "ft s-1" "feet per second";
     Speed "in/s" = FOOT_M / 12.0 => "ips";
     Rate "rad/s" = 1.0 => "rad s-1" "rad·s-1" "rad s^-1" "radps" "rad/sec" "radians per second";
-    Rate "deg/s" = DEG => "°/s" "dps" "deg s-1" "deg/sec" "°/sec" "degrees/s" "degrees per second";
+    Rate "deg/s" = DEG => "°/s" "º/s" "˚/s" "dps" "deg s-1" "deg/sec" "°/sec" "º/sec" "˚/sec" "degrees/s" "degrees per second";
     Rate "mrad/s" = 1e-3 => "mrad s-1";
     Rate "cdeg/s" = 0.01 * DEG => "cdps" "centidegrees/s";
     Rate "deg/min" = DEG / 60.0 => "°/min" "dpm";
@@ -143,7 +143,10 @@ pub fn names(dimension: Dimension) -> String {
     names.join(" ")
 }
 
-/// The unit that stands in a header cell: `x [mm]`, `Roll (deg)`, `Force, N`, `yaw / °`, or the whole cell.
+/// Sign of a degree, and two that stand in its place.
+const DEGREES: [char; 3] = ['°', 'º', '˚'];
+
+/// The unit that stands in a header cell: `x [mm]`, `Roll (deg)`, `Force, N`, `yaw / °`, `yaw °/s`.
 pub fn written(cell: &str) -> Option<&str> {
     let cell = cell.trim();
     for (open, close) in [('[', ']'), ('(', ')'), ('{', '}')] {
@@ -157,6 +160,14 @@ pub fn written(cell: &str) -> Option<&str> {
         .iter()
         .find_map(|mark| cell.rsplit_once(mark))
         .map(|(_, unit)| unit.trim())
+        .or_else(|| in_degrees(cell))
+}
+
+/// A unit of degrees that ends a cell without brackets around it.
+pub fn in_degrees(cell: &str) -> Option<&str> {
+    let unit = &cell[cell.find(DEGREES).filter(|at| *at > 0)?..];
+    let known = [Angle, Rate].iter().any(|d| find(*d, unit).is_some());
+    known.then(|| unit.trim())
 }
 
 #[cfg(test)]
@@ -186,6 +197,10 @@ mod tests {
             ("p_RS_R_x [m]", Some("m")),
             ("Force, N", Some("N")),
             ("Winkel / °", Some("°")),
+            ("Roll °", Some("°")),
+            ("yaw rateº/s", Some("º/s")),
+            ("N° of run", None),
+            ("Water °C", None),
             ("x", None),
             ("/odom/pose/x", None),
         ] {

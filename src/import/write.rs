@@ -145,7 +145,7 @@ pub fn import_table(
                 row.clone_from(sample);
                 write(row)
             })
-            .map(|passed| passed.lost_rows)
+            .and_then(|passed| source.unchanged().map(|()| passed.lost_rows))
         }
     };
     match (failed, passed) {
@@ -211,7 +211,7 @@ impl<'a> Writer<'a> {
         settings.limits.chunk_bytes = CHUNK_BYTES;
         Ok(Writer {
             map,
-            log: Behind::new(FileRecorder::create(out, false, head, settings)?),
+            log: Behind::new(FileRecorder::create_whole(out, false, head, settings)?),
             start_ns,
             covariance: covariance(map),
             still: Some(StillWatch::default()),
@@ -229,7 +229,8 @@ impl<'a> Writer<'a> {
     }
 
     fn at(&self, t_s: f64) -> u64 {
-        self.start_ns + (t_s.max(0.0) * 1e9).round() as u64
+        let since_ns = (t_s.max(0.0) * 1e9).round() as u64;
+        self.start_ns.saturating_add(since_ns)
     }
 
     /// Values that were taken out of a row.
@@ -245,8 +246,9 @@ impl<'a> Writer<'a> {
 
     fn row(&mut self, row: &Sample) -> Result<(), ImportError> {
         let t_s = row.t_s;
-        // Time that does not advance cannot be distinguished from time that is wrong: the row is left out.
-        if self.last_s.is_some_and(|before| t_s <= before) {
+        // Time that does not advance cannot be distinguished from time that is wrong, and behind 2554 all stamps of 64 bits
+        // are one: the row is left out.
+        if self.last_s.is_some_and(|before| t_s <= before) || self.at(t_s) == u64::MAX {
             self.outcome.lost.rows += 1;
             return Ok(());
         }

@@ -5,7 +5,7 @@
 //! | another computer | the address that is listened on; off loopback, the token |
 //! | another site in the same browser | `Sec-Fetch-Site`, `Origin`; for STOP the session's key in a header of its own, which makes a browser ask first, and it is refused |
 //! | another site as a Foxglove viewer | the token, or where there is none the list of those that are viewers |
-//! | another site under a name that it points at us (DNS rebinding) | `Host` has to be this computer |
+//! | another site under a name that it points at us (DNS rebinding) | `Host`, and the target where it names a computer, has to be this computer |
 //!
 //! A browser without `Sec-Fetch-Site` (before 2020-2023) still reads nothing across sites: no answer of ours says that
 //! it may.
@@ -49,6 +49,8 @@ pub struct Asked<'a> {
     pub path: &'a str,
     /// Query: the part after the question mark.
     pub query: &'a str,
+    /// Computer that the target names, as in `GET http://COMPUTER/path`; `None` = it is a path alone.
+    pub authority: Option<&'a str>,
     /// Header `Host`.
     pub host: Header<'a>,
     /// Header `Origin`.
@@ -65,9 +67,9 @@ pub struct Asked<'a> {
     pub has_body: bool,
 }
 
-/// Sites whose scripts may connect as a viewer without a token: Foxglove's app in the browser, and what was opened from this
-/// computer's own disk, as desktop apps are.
-const VIEWERS: [&str; 2] = ["https://app.foxglove.dev", "file://"];
+/// Sites whose scripts may connect as a viewer without a token: Foxglove's app in the browser. `file://` is none of them: any
+/// page that was ever saved to a disk comes under that name.
+const VIEWERS: [&str; 1] = ["https://app.foxglove.dev"];
 
 /// The header in which the page sends its session's key with STOP.
 pub const SESSION_HEADER: &str = "x-hydroline-session";
@@ -106,6 +108,10 @@ pub enum Refusal {
     /// No token, or another.
     #[error("this page opens with its token: use the whole address that hydroline has printed")]
     Token,
+    #[error(
+        "too many wrong tokens from this address: wait a minute, then use the whole address that hydroline has printed"
+    )]
+    Guesses,
     #[error("another site has no business here")]
     OtherSite,
     #[error("the page is older than the run: load it again")]
@@ -130,6 +136,7 @@ impl Refusal {
             Refusal::Unknown => 404,
             Refusal::Method => 405,
             Refusal::Body => 413,
+            Refusal::Guesses => 429,
         }
     }
 }
@@ -171,7 +178,9 @@ impl Guard {
     /// [`Refusal`]; without the right token nothing else about the request is reported.
     pub fn check(&self, asked: &Asked<'_>) -> Result<Route, Refusal> {
         let host = asked.host.text().ok_or(Refusal::Host)?;
-        if !self.is_this_computer(host) {
+        // A target that names a computer goes before the header (RFC 9112, 3.2.2): both have to be this one.
+        let named = asked.authority.unwrap_or(host);
+        if !self.is_this_computer(host) || !self.is_this_computer(named) {
             return Err(Refusal::Host);
         }
         if !self.opens(asked) {
@@ -179,18 +188,30 @@ impl Guard {
         }
         let route = route(asked);
         let from_viewer = route == Ok(Route::Foxglove) && self.is_viewer(asked);
-        if !from_viewer && !same_site(asked, host) {
+        if !from_viewer && !same_site(asked, named) {
             return Err(Refusal::OtherSite);
         }
         let route = route?;
         if asked.has_body {
             return Err(Refusal::Body);
         }
-        let key = asked.session.text().unwrap_or_default();
-        if route == Route::Stop && !self.session.is(key) {
+        if route == Route::Stop && !self.has_key(asked) {
             return Err(Refusal::Session);
         }
         Ok(route)
+    }
+
+    /// Whether the request has the session's key: then its page was opened before.
+    pub fn has_key(&self, asked: &Asked<'_>) -> bool {
+        self.session.is(asked.session.text().unwrap_or_default())
+    }
+
+    /// The token that the request offers, right or wrong; `None` without one, and where none is needed.
+    pub fn offered<'a>(&self, asked: &Asked<'a>) -> Option<&'a str> {
+        self.token.as_ref()?;
+        let bearer = asked.authorization.text();
+        let bearer = bearer.and_then(|a| a.strip_prefix("Bearer "));
+        bearer.or_else(|| parameter(asked.query, "token"))
     }
 
     /// An address as it stands, or a name of this computer: what a rebound name never is. The port may be another one,
@@ -225,15 +246,8 @@ impl Guard {
     }
 
     fn opens(&self, asked: &Asked<'_>) -> bool {
-        let Some(token) = &self.token else {
-            return true;
-        };
-        let bearer = asked
-            .authorization
-            .text()
-            .and_then(|a| a.strip_prefix("Bearer "));
-        let offered = bearer.or_else(|| parameter(asked.query, "token"));
-        token.is(offered.unwrap_or_default())
+        let offered = self.offered(asked).unwrap_or_default();
+        self.token.as_ref().is_none_or(|token| token.is(offered))
     }
 }
 

@@ -7,6 +7,8 @@
 //! feed      latest values, who looks, STOP      server/encoder images to JPEG, while somebody looks
 //! address   `--live [ADDR]`                     server/foxglove a viewer's WebSocket
 //! guard     may this request be answered?       server/stalled a viewer that stops reading
+//! guesses   how many wrong tokens it may try    server/open    the connections that are open
+//! places    which connection gives way
 //! token     secrets and their comparison
 //! metrics   the state for Prometheus
 //! page      one HTML file, everything in it
@@ -37,9 +39,11 @@ pub mod feed;
 #[cfg(feature = "server")]
 pub mod foxglove;
 pub mod guard;
+pub mod guesses;
 pub mod metrics;
 pub mod page;
 pub mod picture;
+pub mod places;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod state;

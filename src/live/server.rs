@@ -1,10 +1,11 @@
 //! The server: one thread with one small runtime, apart from everything that records.
 //!
-//! A viewer's cost is bounded: connections in all and per computer, the time to send a head, the time to take
-//! an answer, one encoded picture at a time. Beyond that it is refused or cut off.
+//! A viewer's cost is bounded: connections in all and per computer ([`places`](super::places)), the time to send a head, the time
+//! to take an answer, one encoded picture at a time. Beyond that it is refused or cut off.
 
 mod encoder;
 mod foxglove;
+mod open;
 mod routes;
 mod stalled;
 
@@ -13,24 +14,22 @@ use super::feed::Feed;
 use super::guard::Guard;
 use super::token::Token;
 use axum::Router;
-use hydroline_core::lock::Lock;
 use hydroline_core::thread_class::{block_signals, step_back};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use open::{Open, Opened};
 use stalled::Stalled;
-use std::collections::HashMap;
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::pin::pin;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
-use tokio::net::TcpStream;
+use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::watch;
 
-/// Connections in all: eight viewers with the six that a browser opens at most, and some to spare.
-const CONNECTIONS_MAX: usize = 64;
-/// Connections of one computer, so that one that wants them all leaves room for a STOP from another.
-const CONNECTIONS_PER_PEER: usize = 48;
+/// Connections that the kernel holds until they are accepted: with fewer a crowd that comes at once makes the next one's
+/// system try again only after a second.
+const BACKLOG: u32 = 1024;
 /// A head that is not there by then is none; a connection that nobody uses ends too.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 /// A viewer that takes nothing of its answer for so long is cut off.
@@ -39,6 +38,8 @@ const TAKEN_WITHIN: Duration = Duration::from_secs(10);
 const HEAD_MAX: usize = 16 << 10;
 /// At the end the last state still gets to whoever waits for it.
 const FAREWELL: Duration = Duration::from_millis(300);
+/// Between two attempts to accept, where that failed.
+const AGAIN: Duration = Duration::from_millis(10);
 /// Behind capture and thrusters, before extraction (10) and poses (19): a STOP must not wait for a picture.
 const NICENESS: i32 = 5;
 
@@ -63,9 +64,6 @@ impl Server {
     ) -> Result<Self, LiveError> {
         check_address(address, token.is_some())?;
         let listen = |source| LiveError::Listen { address, source };
-        let listener = TcpListener::bind(address).map_err(listen)?;
-        listener.set_nonblocking(true).map_err(listen)?;
-        let bound = listener.local_addr().map_err(listen)?;
         let hostname = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
         let guard = Guard::new(token.clone(), Token::random()?, &hostname);
         let (ending, heard) = watch::channel(false);
@@ -73,19 +71,21 @@ impl Server {
             .enable_all()
             .max_blocking_threads(1)
             .build()?;
-        let peers = Peers::default();
-        let app = routes::router(feed, guard, peers.clone());
+        let listener = {
+            let _inside = runtime.enter();
+            listening(address).map_err(listen)?
+        };
+        let bound = listener.local_addr().map_err(listen)?;
+        let open = Open::default();
+        let app = routes::router(feed, guard, open.clone());
         let thread = std::thread::Builder::new()
             .name("live".to_owned())
             .spawn(move || {
                 block_signals();
                 step_back(NICENESS);
-                runtime.block_on(async {
-                    match tokio::net::TcpListener::from_std(listener) {
-                        Ok(listener) => accept(listener, app, peers, heard).await,
-                        Err(error) => tracing::warn!("no live page: {error}"),
-                    }
-                });
+                // As a task among the others, so that it takes turns with them.
+                let accepting = runtime.spawn(accept(listener, app, open, heard));
+                let _ = runtime.block_on(accepting);
                 runtime.shutdown_timeout(FAREWELL);
             })?;
         Ok(Self {
@@ -136,68 +136,22 @@ impl Drop for Server {
     }
 }
 
-/// Open connections by computer.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Peers(Arc<Mutex<HashMap<IpAddr, usize>>>);
-
-/// One of them; dropping it gives its place back.
-#[derive(Debug)]
-struct Place {
-    peers: Peers,
-    ip: IpAddr,
-}
-
-/// A connection, for what outlives its request: its place is kept until the last of it is gone.
-#[derive(Debug, Clone)]
-struct Connection {
-    _place: Arc<Place>,
-    ending: watch::Receiver<bool>,
-}
-
-impl Peers {
-    /// Open connections in all.
-    pub(super) fn count(&self) -> usize {
-        self.0.held().values().sum()
-    }
-
-    /// A place for one more connection, if there is one.
-    fn enter(&self, ip: IpAddr) -> Option<Place> {
-        let mut peers = self.0.held();
-        let all: usize = peers.values().sum();
-        let of_it = peers.get(&ip).copied().unwrap_or(0);
-        if all >= CONNECTIONS_MAX || of_it >= CONNECTIONS_PER_PEER {
-            return None;
-        }
-        peers.insert(ip, of_it + 1);
-        Some(Place {
-            peers: self.clone(),
-            ip,
-        })
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        let mut peers = self.peers.0.held();
-        match peers.get_mut(&self.ip) {
-            Some(n) if *n > 1 => *n -= 1,
-            _ => {
-                peers.remove(&self.ip);
-            }
-        }
-    }
+/// Listens, as a listener of the standard library does, with room for a crowd.
+fn listening(address: SocketAddr) -> std::io::Result<TcpListener> {
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(BACKLOG)
 }
 
 async fn ended(ending: &mut watch::Receiver<bool>) {
     let _ = ending.wait_for(|e| *e).await;
 }
 
-async fn accept(
-    listener: tokio::net::TcpListener,
-    app: Router,
-    peers: Peers,
-    mut ending: watch::Receiver<bool>,
-) {
+async fn accept(listener: TcpListener, app: Router, open: Open, mut ending: watch::Receiver<bool>) {
     loop {
         let accepted = tokio::select! {
             () = ended(&mut ending) => break,
@@ -205,15 +159,16 @@ async fn accept(
         };
         match accepted {
             Ok((stream, from)) => {
-                // Full: closed without a word, before a byte of it is read.
-                if let Some(place) = peers.enter(from.ip()) {
-                    tokio::spawn(serve(stream, app.clone(), place, ending.clone()));
-                }
+                let connection = open.enter(from.ip(), ending.clone());
+                tokio::spawn(serve(stream, app.clone(), connection));
+                // What it has sent already is read before another one may take its place.
+                tokio::task::yield_now().await;
             }
-            // Out of descriptors: what is open may close meanwhile.
+            // Out of descriptors: one that waits gives back its own.
             Err(error) => {
                 tracing::debug!("live page: {error}");
-                tokio::time::sleep(Duration::from_millis(100)).await;
+                open.give_way();
+                tokio::time::sleep(AGAIN).await;
             }
         }
     }
@@ -221,12 +176,8 @@ async fn accept(
     tokio::time::sleep(FAREWELL).await;
 }
 
-async fn serve(stream: TcpStream, app: Router, place: Place, mut ending: watch::Receiver<bool>) {
-    let held = Connection {
-        _place: Arc::new(place),
-        ending: ending.clone(),
-    };
-    let app = app.layer(axum::Extension(held));
+async fn serve(stream: TcpStream, app: Router, mut opened: Opened) {
+    let app = app.layer(axum::Extension(opened.connection.clone()));
     let _ = stream.set_nodelay(true);
     let io = TokioIo::new(Stalled::new(stream, TAKEN_WITHIN));
     let connection = hyper::server::conn::http1::Builder::new()
@@ -237,9 +188,12 @@ async fn serve(stream: TcpStream, app: Router, place: Place, mut ending: watch::
         .with_upgrades();
     let mut connection = pin!(connection);
     tokio::select! {
+        // First what it has sent: a STOP that is here is pressed, whoever has to give way.
+        biased;
         // Garbage, a viewer that stalls or goes away: its own affair.
         closed = connection.as_mut() => drop(closed),
-        () = ended(&mut ending) => {
+        () = opened.gives_way.notified() => {}
+        () = ended(&mut opened.ending) => {
             connection.as_mut().graceful_shutdown();
             let _ = tokio::time::timeout(FAREWELL, connection).await;
         }

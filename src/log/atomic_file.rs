@@ -2,35 +2,65 @@
 //! one.
 
 use super::LogError;
+use super::held::{Holder, hold, is_at};
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
-/// A file that is being written. Dropped before [`Self::finish`] it is removed; a killed process leaves `NAME.part`.
+/// Times that the name is tried again when somebody finished or removed the file in the moment in which it was opened.
+const ATTEMPTS: u32 = 16;
+
+/// A file that is being written, under the name `NAME.part`. Dropped before [`Self::finish`] it is removed; a killed process
+/// leaves it, and the next attempt replaces it: nobody holds its lock any more.
 #[derive(Debug)]
 pub struct AtomicFile {
     part: PathBuf,
     whole: PathBuf,
+    /// Holds the lock.
+    file: File,
+    replaces: bool,
     done: bool,
 }
 
 impl AtomicFile {
-    /// For the new file `whole`; nothing is created yet.
+    /// For the new file `whole`: makes the empty file that is written until then.
     ///
     /// # Errors
-    /// [`LogError::OutputExists`] when it, or an unfinished one of an earlier attempt, is there.
+    /// [`LogError::OutputExists`] when it is there; [`LogError::BeingWritten`] when somebody else is about to make it;
+    /// [`LogError::Create`].
     pub fn begin(whole: &Path) -> Result<Self, LogError> {
+        if whole.symlink_metadata().is_ok() {
+            return Err(LogError::OutputExists {
+                path: whole.to_owned(),
+            });
+        }
+        Self::beside(whole, false)
+    }
+
+    /// The same in the place of a file that may be there, which stays until the new one is whole.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub fn begin_over(whole: &Path) -> Result<Self, LogError> {
+        Self::beside(whole, true)
+    }
+
+    fn beside(whole: &Path, replaces: bool) -> Result<Self, LogError> {
         let mut part = whole.as_os_str().to_owned();
         part.push(".part");
         let part = PathBuf::from(part);
-        for path in [whole, part.as_path()] {
-            if path.symlink_metadata().is_ok() {
-                return Err(LogError::OutputExists {
-                    path: path.to_owned(),
-                });
-            }
+        let (file, left_bytes) = taken(&part)?;
+        if left_bytes > 0 {
+            tracing::warn!(
+                "{}: {left_bytes} bytes that an attempt left which was broken off: nobody writes it any more, it is replaced",
+                part.display()
+            );
         }
         Ok(Self {
             part,
             whole: whole.to_owned(),
+            file,
+            replaces,
             done: false,
         })
     }
@@ -40,26 +70,87 @@ impl AtomicFile {
         &self.part
     }
 
+    /// The open, empty file.
+    ///
+    /// # Errors
+    /// [`LogError::Output`].
+    pub fn file(&self) -> Result<File, LogError> {
+        self.file.try_clone().map_err(LogError::output(&self.part))
+    }
+
     /// It is whole: gives it its name.
     ///
     /// # Errors
     /// [`LogError::OutputExists`] when someone else has made a file of that name meanwhile; [`LogError::Output`].
     pub fn finish(mut self) -> Result<(), LogError> {
-        if self.whole.symlink_metadata().is_ok() {
+        if !self.replaces && self.whole.symlink_metadata().is_ok() {
             return Err(LogError::OutputExists {
                 path: self.whole.clone(),
             });
         }
-        std::fs::rename(&self.part, &self.whole).map_err(LogError::output(&self.whole))?;
+        let failed = LogError::output(&self.whole);
+        self.file.sync_all().map_err(&failed)?;
+        std::fs::rename(&self.part, &self.whole).map_err(&failed)?;
         self.done = true;
+        // The name is on the disk when its folder is. Some file systems sync no folder: the file is whole all the same.
+        let folder = self.whole.parent().filter(|p| !p.as_os_str().is_empty());
+        if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
+            folder.sync_all().ok();
+        }
         Ok(())
     }
 }
 
+/// The file of that name, new or left by somebody who does not hold it any more, locked and empty; how many bytes were left.
+fn taken(part: &Path) -> Result<(File, u64), LogError> {
+    let exists = || LogError::OutputExists {
+        path: part.to_owned(),
+    };
+    let create = |source| LogError::Create { part: 0, source };
+    for _ in 0..ATTEMPTS {
+        let there = part.symlink_metadata().ok();
+        if there.as_ref().is_some_and(|m| !m.is_file()) {
+            return Err(exists());
+        }
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .custom_flags(libc::O_NOFOLLOW | libc::O_NONBLOCK)
+            .open(part)
+            .map_err(|e| {
+                create(std::io::Error::new(
+                    e.kind(),
+                    format!("{}: {e}", part.display()),
+                ))
+            })?;
+        match hold(&file) {
+            Holder::Another => {
+                return Err(LogError::BeingWritten {
+                    path: part.to_owned(),
+                });
+            }
+            // It may be another's, and there is no way to know.
+            Holder::Unknown if there.is_some() => return Err(exists()),
+            Holder::Us | Holder::Unknown => {}
+        }
+        if !is_at(&file, part) {
+            continue;
+        }
+        let left_bytes = file.metadata().map_err(create)?.len();
+        file.set_len(0).map_err(create)?;
+        return Ok((file, left_bytes));
+    }
+    Err(LogError::BeingWritten {
+        path: part.to_owned(),
+    })
+}
+
 impl Drop for AtomicFile {
     fn drop(&mut self) {
-        if !self.done {
-            // Made since begin(), which found nothing of that name.
+        // Locked, and so nobody else's, unless somebody took the name away.
+        if !self.done && is_at(&self.file, &self.part) {
             std::fs::remove_file(&self.part).ok();
         }
     }
@@ -86,13 +177,37 @@ mod tests {
             AtomicFile::begin(&whole),
             Err(LogError::OutputExists { .. })
         ));
+        let over = AtomicFile::begin_over(&whole).unwrap();
+        std::fs::write(over.path(), "new").unwrap();
+        assert_eq!(std::fs::read(&whole).unwrap(), b"all");
+        over.finish().unwrap();
+        assert_eq!(std::fs::read(&whole).unwrap(), b"new");
     }
 
     #[test]
-    fn what_a_killed_process_left_is_not_overwritten() {
+    fn what_a_killed_process_left_is_replaced_and_what_another_writes_is_not() {
         let dir = tempfile::tempdir().unwrap();
-        std::fs::write(dir.path().join("new.mcap.part"), "half").unwrap();
-        let error = AtomicFile::begin(&dir.path().join("new.mcap")).unwrap_err();
+        let (whole, part) = (
+            dir.path().join("new.mcap"),
+            dir.path().join("new.mcap.part"),
+        );
+        std::fs::write(&part, "half of it").unwrap();
+        let ours = AtomicFile::begin(&whole).unwrap();
+        assert_eq!(std::fs::read(&part).unwrap(), b"");
+        std::fs::write(ours.path(), "ours").unwrap();
+        let error = AtomicFile::begin(&whole).unwrap_err();
+        assert!(matches!(error, LogError::BeingWritten { .. }), "{error}");
         assert!(error.to_string().contains("new.mcap.part"), "{error}");
+        assert_eq!(std::fs::read(&part).unwrap(), b"ours");
+        ours.finish().unwrap();
+        assert!(!part.exists());
+
+        // What is no file was not left by an attempt.
+        let precious = dir.path().join("precious");
+        std::fs::write(&precious, "years of work").unwrap();
+        std::os::unix::fs::symlink(&precious, dir.path().join("b.mcap.part")).unwrap();
+        let error = AtomicFile::begin(&dir.path().join("b.mcap")).unwrap_err();
+        assert!(matches!(error, LogError::OutputExists { .. }), "{error}");
+        assert_eq!(std::fs::read(&precious).unwrap(), b"years of work");
     }
 }

@@ -3,8 +3,8 @@
 use super::indexed::summary;
 use super::part::MetadataMap;
 use super::seal;
+use hydroline_rigs::bounded;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 
 /// A finished log's end.
@@ -19,7 +19,7 @@ pub struct Closing {
 impl Closing {
     /// Of a log; `None` where it has no end, no index, or the index is damaged: read it from the start then.
     pub fn of(path: &Path) -> Option<Closing> {
-        let mut contents = summary(&File::open(path).ok()?).ok()??;
+        let mut contents = summary(&bounded::open(path).ok()?).ok()??;
         let messages = contents.counts().into_iter();
         let messages = messages.map(|(topic, n)| (topic.to_owned(), n)).collect();
         let summary = contents.metadata.remove("summary");

@@ -4,6 +4,7 @@ mod checks;
 mod conclude;
 mod obeyed;
 
+use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::plain::Lines;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -91,7 +92,7 @@ pub fn doctor(path: &Path) -> Result<Diagnosis, LogError> {
         }
     }
     let frames_lost = checks.frames_lost(&scan.learnt);
-    let mut findings = checks.conclude(&scan.learnt);
+    let mut findings = checks.conclude(&scan.learnt, SystemClock.triple().realtime_ns);
     findings.sort_by_key(|f| std::cmp::Reverse(f.grade));
     let recovered_lost = scan
         .learnt

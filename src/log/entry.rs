@@ -3,10 +3,12 @@
 use bytes::Bytes;
 use prost::Message;
 
+use super::LogError;
 use super::messages::{self, ImageMessage, Stamped, pb};
 use super::topic::Topic;
 use hydroline_core::event::Event;
 use hydroline_core::frame::Frame;
+use hydroline_rigs::FRAME_BYTES_MAX;
 
 /// One thing to log.
 #[derive(Debug, Clone, PartialEq)]
@@ -189,6 +191,29 @@ impl Entry {
             Entry::Frame { frame, .. } => frame.data.len() as u64 + 2 * OVERHEAD_BYTES,
             Entry::Message { data, .. } => data.len() as u64 + OVERHEAD_BYTES,
         }
+    }
+
+    /// Refuses what no reader would read: more bytes than the largest frame has.
+    ///
+    /// # Errors
+    /// [`LogError::TooLarge`].
+    pub fn check_size(&self) -> Result<(), LogError> {
+        let (topic, data) = match self {
+            Entry::Frame { frame, .. } => match frame.format.is_compressed() {
+                true => (Topic::CompressedImage, &frame.data),
+                false => (Topic::RawImage, &frame.data),
+            },
+            Entry::Message { topic, data, .. } => (*topic, data),
+        };
+        let bytes = data.len() as u64;
+        if bytes > FRAME_BYTES_MAX {
+            return Err(LogError::TooLarge {
+                topic: topic.name(),
+                bytes,
+                most: FRAME_BYTES_MAX,
+            });
+        }
+        Ok(())
     }
 
     /// The MCAP messages it becomes. A frame's info comes before its image, so that a reader has

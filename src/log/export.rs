@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::LogError;
+use super::held::{self, Holder};
 use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
 use hydroline_core::frame::{Frame, GreyRule};
@@ -37,18 +38,22 @@ pub struct Exported {
 
 /// Folder in which the files are made before they all get their places: an interrupted export leaves them there.
 const UNFINISHED: &str = "unfinished.part";
+/// List of the files in it, from when on they get their places.
+const MOVING: &str = "moving.txt";
 
 /// Writes the tables and frames of `log` into the directory `into`, which has to be empty or is made.
 ///
-/// The files appear in it when all of them are whole; an interrupted export leaves only the folder `unfinished.part`.
+/// The files appear in it when all of them are whole. An interrupted export leaves the folder `unfinished.part`; the next
+/// one takes back what it left, and says so.
 ///
 /// # Errors
-/// [`LogError::NotEmpty`]; damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
+/// [`LogError::NotEmpty`]; [`LogError::BeingWritten`]; damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
 pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
     // A file that is no log makes no folder.
     let reader = LogReader::open(log)?;
     let existed = into.exists();
     std::fs::create_dir_all(into).map_err(LogError::output(into))?;
+    take_back(into)?;
     let mut found = std::fs::read_dir(into).map_err(LogError::output(into))?;
     if let Some(Ok(entry)) = found.next() {
         return Err(LogError::NotEmpty {
@@ -58,10 +63,15 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     }
     let part = into.join(UNFINISHED);
     std::fs::create_dir(&part).map_err(LogError::output(&part))?;
+    // Held for as long as it is open.
+    let (_held, holder) = held::folder(&part).map_err(LogError::output(&part))?;
+    if holder == Holder::Another {
+        return Err(LogError::BeingWritten { path: part });
+    }
     let done = write_all(reader, &part, options).and_then(|done| settle(done, &part, into));
     if done.is_err() {
         // All in it was made by this call.
-        std::fs::remove_dir_all(&part).ok();
+        clear(&part, into).ok();
         if !existed {
             std::fs::remove_dir(into).ok();
         }
@@ -69,23 +79,58 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     done
 }
 
+/// Whether an export into a folder was begun and did not come to its end.
+pub fn is_unfinished(into: &Path) -> bool {
+    into.join(UNFINISHED).is_dir()
+}
+
 /// Removes what an interrupted export has left in a folder, so that it can be made anew.
+///
+/// # Errors
+/// [`LogError::BeingWritten`] when it goes on; [`LogError::Output`].
 pub fn take_back(into: &Path) -> Result<(), LogError> {
-    let part = into.join(UNFINISHED);
-    match std::fs::remove_dir_all(&part) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(LogError::output(&part)(e)),
-        _ => Ok(()),
+    if !is_unfinished(into) {
+        return Ok(());
     }
+    let part = into.join(UNFINISHED);
+    let (_held, holder) = held::folder(&part).map_err(LogError::output(&part))?;
+    if holder == Holder::Another {
+        return Err(LogError::BeingWritten { path: part });
+    }
+    tracing::warn!(
+        "{}: left by an export that was broken off, and nobody writes it any more: it is made anew",
+        part.display()
+    );
+    clear(&part, into).map_err(LogError::output(&part))
+}
+
+/// Removes an export that did not come to its end, with the files that had their places already.
+fn clear(part: &Path, into: &Path) -> std::io::Result<()> {
+    let moved = std::fs::read_to_string(part.join(MOVING)).unwrap_or_default();
+    for name in moved.lines().filter(|name| !name.contains('/')) {
+        let (here, there) = (part.join(name), into.join(name));
+        if here.symlink_metadata().is_err() && there.symlink_metadata().is_ok_and(|m| m.is_file()) {
+            std::fs::remove_file(there)?;
+        }
+    }
+    std::fs::remove_dir_all(part)
 }
 
 /// Moves the whole files from `part` to their places, once they are on the disk.
 fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogError> {
     let moved = || -> std::io::Result<()> {
-        sync_file_system(part)?;
+        let mut names = Vec::new();
         for entry in std::fs::read_dir(part)? {
-            let entry = entry?;
-            std::fs::rename(entry.path(), into.join(entry.file_name()))?;
+            names.push(entry?.file_name());
         }
+        let list = part.join(MOVING);
+        let words: Vec<_> = names.iter().map(|name| name.to_string_lossy()).collect();
+        std::fs::write(&list, words.join("\n"))?;
+        sync_file_system(part)?;
+        for name in names {
+            std::fs::rename(part.join(&name), into.join(&name))?;
+        }
+        std::fs::remove_file(list)?;
         std::fs::remove_dir(part)
     };
     moved().map_err(LogError::output(into))?;

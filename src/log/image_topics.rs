@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
+use hydroline_core::frame::{JpegDamage, PixelFormat, WholeJpeg};
 use prost::Message as _;
 
 use super::LogError;
@@ -62,6 +63,19 @@ impl ImageKind {
             ImageKind::RosCompressed => messages::ros_compressed(&data).map_err(|e| e.to_string()),
         }
     }
+}
+
+/// Damage of the JPEG that a message of this schema and encoding holds; `None` = it holds none, or a whole one.
+pub fn image_damage(schema: &str, encoding: &str, data: &[u8]) -> Option<JpegDamage> {
+    let kind = ImageKind::of(schema, encoding)?;
+    if !matches!(kind, ImageKind::Compressed | ImageKind::RosCompressed) {
+        return None;
+    }
+    let Ok(ImageMessage::Compressed(image)) = kind.decode(Bytes::copy_from_slice(data)) else {
+        return None;
+    };
+    let is_jpeg = messages::compression(&image.format) == Some(PixelFormat::Mjpg);
+    is_jpeg.then(|| WholeJpeg::of(&image.data).err()).flatten()
 }
 
 /// A topic with images.

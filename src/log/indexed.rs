@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use bytes::Bytes;
 use hydroline_core::frame::GreyRule;
 use hydroline_numerics::cancel;
+use hydroline_rigs::bounded;
 use mcap::records::op;
 
 use super::LogError;
@@ -57,7 +58,7 @@ impl IndexedLog {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         // Says what is wrong with a file that is no log.
         let scan = scan::open(path)?;
-        let file = File::open(path).map_err(LogError::read(path))?;
+        let file = bounded::open(path).map_err(LogError::read(path))?;
         // A summary that is damaged does not make the messages unreadable.
         let (contents, end_missing) = match contents::summary(&file) {
             Ok(Some(contents)) => (contents, None),

@@ -160,7 +160,7 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
 }
 
 /// RFC 3339 with milliseconds, UTC. 64 bits of nanoseconds end in 2554, inside what it can say.
-fn utc(unix_ns: u64) -> String {
+pub(crate) fn utc(unix_ns: u64) -> String {
     let time = std::time::UNIX_EPOCH + std::time::Duration::from_nanos(unix_ns);
     humantime::format_rfc3339_millis(time).to_string()
 }
@@ -184,7 +184,13 @@ impl fmt::Display for Info {
             "  duration     {:.3} s from {} ns (UNIX) = {}",
             self.duration_s, self.start_ns, self.start_utc
         )?;
-        writeln!(f, "  messages     {}", self.messages)?;
+        let damage = match self.damage.len() {
+            0 => String::new(),
+            n => format!(
+                ", and {n} place(s) of damage, listed at the end: messages there are not counted"
+            ),
+        };
+        writeln!(f, "  messages     {}{damage}", self.messages)?;
         let ending = match self.ending {
             Ending::Clean => "clean",
             Ending::Stopped => "whole, but the recording was stopped (see summary)",

@@ -31,8 +31,11 @@ mod atomic_file;
 mod closing;
 pub mod doctor;
 mod entry;
+mod expansion;
 pub mod export;
 mod file_recorder;
+pub mod foreign;
+pub mod held;
 mod image_topics;
 mod indexed;
 pub mod info;
@@ -59,8 +62,9 @@ mod writer;
 pub use atomic_file::AtomicFile;
 pub use closing::Closing;
 pub use entry::{Company, Entry};
+pub use expansion::FRAME_BYTES_KEY;
 pub use file_recorder::FileRecorder;
-pub use image_topics::{ImageTopic, ImageTopicError, image_topic};
+pub use image_topics::{ImageTopic, ImageTopicError, image_damage, image_topic};
 pub use indexed::{IndexedLog, Place};
 pub use loss_account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
 pub use output::{FileOutput, LogOutput, NameLost, free_bytes};
@@ -114,6 +118,14 @@ pub enum LogError {
     Stopped { reason: String },
     #[error("the log's writer thread cannot be started: {source}")]
     Thread { source: std::io::Error },
+    #[error(
+        "a message of {bytes} bytes on {topic}: at most {most} are written, the largest frame that a log holds; take smaller images"
+    )]
+    TooLarge {
+        topic: &'static str,
+        bytes: u64,
+        most: u64,
+    },
     #[error("the recording is finished already")]
     Finished,
     #[error("the log's writer thread panicked; `hydroline recover` mends the file")]
@@ -127,14 +139,23 @@ pub enum LogError {
     Empty { path: PathBuf },
     #[error("{}: not an MCAP file: it begins with {found:02x?}, not with 89 4D 43 41 50 30 0D 0A", path.display())]
     NotMcap { path: PathBuf, found: Vec<u8> },
+    #[error("{}: it is {what}, no log of hydroline; {next}", path.display())]
+    Foreign {
+        path: PathBuf,
+        what: String,
+        /// Way to a log.
+        next: String,
+    },
     #[error("{}: at byte {offset}: {damage}; `hydroline recover` writes what is sound into a new file", path.display())]
     Damaged {
         path: PathBuf,
         offset: u64,
         damage: records::Damage,
     },
-    #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away (NAME.part is what an interrupted attempt left: it can go)", path.display())]
+    #[error("{}: exists already, and nothing is overwritten: choose another --out or move it away", path.display())]
     OutputExists { path: PathBuf },
+    #[error("{}: is being written by another process: wait until it has ended, or choose another --out", path.display())]
+    BeingWritten { path: PathBuf },
     #[error("{}: holds files already ({found}); an export goes into an empty or a new folder, so that old and new never mix: name another --out", path.display())]
     NotEmpty { path: PathBuf, found: String },
     #[error("{}: cannot be written: {reason}", path.display())]

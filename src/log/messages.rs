@@ -19,6 +19,7 @@ mod frames;
 mod ros;
 
 pub use cdr::CdrError;
+pub(crate) use encodings::compression;
 pub use frames::{
     ImageError, ImageMessage, fault_name, format_name, frame_from, frame_info, image_message,
     stamp_clock_name, stamp_source_name,

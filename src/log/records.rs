@@ -9,6 +9,7 @@
 use std::io::{self, BufRead, Read};
 
 use bytes::{Buf, Bytes};
+use hydroline_rigs::FRAME_BYTES_MAX;
 use mcap::records::op;
 
 mod fields;
@@ -17,12 +18,17 @@ mod find;
 pub(super) use fields::*;
 pub(super) use find::ChunkFinder;
 
-/// Longest record that is read into memory, and longest decompressed chunk.
-pub const LIMIT_BYTES: u64 = 64 << 20;
+/// Longest record that is read into memory, and longest decompressed chunk: the largest frame, what stands around it,
+/// and what compressing noise adds (zstd: n / 256).
+pub const LIMIT_BYTES: u64 = FRAME_BYTES_MAX + (FRAME_BYTES_MAX >> 6);
 
-/// Bytes that chunks may unpack to for each byte read of the file, beyond [`LIMIT_BYTES`] once. A chunk of ours holds up
-/// to 1 MiB and takes some 300 bytes even when all of its pixels are black: 3500 times.
+/// Bytes that chunks may unpack to for each byte read of the file, beyond [`LIMIT_BYTES`] once, where the log does not
+/// say how large its frames are, or a chunk is larger than one of them ([`super::expansion`]).
 pub const EXPANSION_MAX: u64 = 4096;
+
+/// Bytes to which one byte of zstd unpacks at most: a block has up to 128 KiB and takes 4 bytes or more (RFC 8878,
+/// section 3.1.1.2).
+const ZSTD_EXPANSION_MAX: u64 = (128 << 10) / 4;
 
 /// Opcode and length.
 pub(super) const PREFIX_BYTES: u64 = 9;
@@ -72,9 +78,9 @@ pub enum Damage {
     #[error("{bytes} bytes stand behind the end of the log; they are no log")]
     AfterEnd { bytes: u64 },
     #[error(
-        "a chunk would unpack to {bytes} bytes, more than {EXPANSION_MAX} times what has been read: no recording shrinks like that"
+        "a chunk would unpack to {bytes} bytes: with those before it more than {EXPANSION_MAX} times what has been read, and more than the {largest} of the largest chunk by the log's head: no recording shrinks like that"
     )]
-    Expansion { bytes: u64 },
+    Expansion { bytes: u64, largest: u64 },
     #[error("{0}")]
     Io(String),
 }

@@ -11,11 +11,12 @@ mod ledger;
 use hydroline_core::plain::Lines;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use hydroline_core::build_info::BuildInfo;
+use hydroline_rigs::bounded;
 use mcap::records::op;
 use serde::Serialize;
 
@@ -83,11 +84,7 @@ pub fn recover_as(input: &Path, output: &Path, build: BuildInfo) -> Result<Recov
     let input_bytes = input.metadata().map_err(LogError::read(input))?.len();
     // Half a recovery is worse than none: it gets its name when it has been read back.
     let unfinished = AtomicFile::begin(output)?;
-    let file = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(unfinished.path())
-        .map_err(LogError::output(output))?;
+    let file = unfinished.file()?;
     let (recovery, digest) = copy_all(scan, input, output, file, input_bytes, build)?;
     verify(unfinished.path(), recovery.messages_total, digest)?;
     unfinished.finish()?;
@@ -107,7 +104,7 @@ fn copy_all(
         reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
     };
     let read = LogError::read(input);
-    let mut finder = File::open(input)
+    let mut finder = bounded::open(input)
         .and_then(ChunkFinder::new)
         .map_err(&read)?;
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
@@ -125,6 +122,7 @@ fn copy_all(
         .compression(compressed.then_some(mcap::Compression::Zstd))
         .compression_level(1)
         .compression_threads(0)
+        .chunk_size(None)
         .create(BufWriter::with_capacity(1 << 20, file))
         .map_err(out)?;
     let (channels, messages) = (BTreeMap::new(), BTreeMap::new());
@@ -136,6 +134,7 @@ fn copy_all(
         messages,
         total: 0,
         company: Company::Others,
+        open_bytes: 0,
     };
     for name in head {
         let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();

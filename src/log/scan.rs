@@ -8,9 +8,12 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use hydroline_numerics::cancel;
+use hydroline_rigs::bounded;
 use mcap::records::op;
 
 use super::LogError;
+use super::expansion::Expansion;
+use super::foreign;
 use super::part::MetadataMap;
 use super::records::{
     self, ChannelRecord, ChunkRecord, Damage, Declared, Located, MessageRecord, Records,
@@ -79,8 +82,7 @@ pub(super) struct Scan<R> {
     damaged: bool,
     cut: bool,
     done: bool,
-    /// Bytes that the chunks so far unpacked to.
-    unpacked_bytes: u64,
+    expansion: Expansion,
     /// Offset reached by looking behind the end; `None` = not looked yet.
     ended_at: Option<u64>,
     /// End of the last chunk's content, whatever its record's length says: a wrong length swallows what follows.
@@ -90,8 +92,9 @@ pub(super) struct Scan<R> {
 pub(super) type FileScan = Scan<BufReader<File>>;
 
 pub(super) fn open(path: &Path) -> Result<FileScan, LogError> {
-    let file = File::open(path).map_err(LogError::read(path))?;
+    let file = bounded::open(path).map_err(LogError::read(path))?;
     Scan::of_file(path, BufReader::with_capacity(1 << 18, file))
+        .map_err(|error| foreign::named(path, error))
 }
 
 impl<R: BufRead> Scan<R> {
@@ -107,7 +110,7 @@ impl<R: BufRead> Scan<R> {
             damaged: false,
             cut: false,
             done: false,
-            unpacked_bytes: 0,
+            expansion: Expansion::default(),
             ended_at: None,
             behind_chunk: 0,
         }))
@@ -240,15 +243,8 @@ impl<R: BufRead> Scan<R> {
                     .compressions
                     .entry(chunk.compression.clone())
                     .or_default() += 1;
-                let bytes = chunk.uncompressed_bytes;
-                self.unpacked_bytes = self.unpacked_bytes.saturating_add(bytes);
-                let read = self.records.offset();
-                let most = records::EXPANSION_MAX.saturating_mul(read);
-                if self.unpacked_bytes > most.saturating_add(records::LIMIT_BYTES) {
-                    // Not counted, so that the sound chunks behind a few bombs are read.
-                    self.unpacked_bytes -= bytes;
-                    return Err(Damage::Expansion { bytes });
-                }
+                let (bytes, read) = (chunk.uncompressed_bytes, self.records.offset());
+                self.expansion.take(bytes, read, &self.learnt)?;
                 self.chunk = Some((outer.offset, chunk.open()?));
             }
             op::METADATA if !self.past_data => {

@@ -34,6 +34,8 @@ pub struct LogWriter {
     misplaced: Vec<Misplaced>,
     /// Whether it was said that the open part's name is lost.
     name_lost: bool,
+    /// Whether it was said that an entry is too large.
+    said_too_large: bool,
     /// The last calibrations: sent once, needed in every part.
     calibrations: BTreeMap<Topic, Entry>,
 }
@@ -66,6 +68,7 @@ impl LogWriter {
             rotation_refused: false,
             misplaced: Vec::new(),
             name_lost: false,
+            said_too_large: false,
             calibrations: BTreeMap::new(),
         })
     }
@@ -79,6 +82,13 @@ impl LogWriter {
             && topic.is_calibration()
         {
             self.calibrations.insert(*topic, entry.clone());
+        }
+        if let Err(refused) = entry.check_size() {
+            if !std::mem::replace(&mut self.said_too_large, true) {
+                tracing::error!("not written: {refused}");
+            }
+            self.count_unwritten(entry);
+            return;
         }
         let mut tried = self.try_write(now_ns, log_ns, entry);
         if let Err(Some(Fault::Full(e))) = &tried
@@ -103,9 +113,13 @@ impl LogWriter {
             Err(None) => false,
         };
         if !written {
-            for part in entry.parts() {
-                *self.unwritten.entry(part.topic.name()).or_default() += 1;
-            }
+            self.count_unwritten(entry);
+        }
+    }
+
+    fn count_unwritten(&mut self, entry: &Entry) {
+        for part in entry.parts() {
+            *self.unwritten.entry(part.topic.name()).or_default() += 1;
         }
     }
 

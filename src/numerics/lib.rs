@@ -2,6 +2,7 @@
 //!
 //! - [`least_squares`]: one nonlinear least-squares loop (Levenberg–Marquardt, Gauss–Newton), each option with its
 //!   default, reason and source;
+//! - [`apart`]: samples of a series that stand apart from their neighbours, without a model;
 //! - [`cancel`]: ending a long computation from outside;
 //! - [`cholesky`]: factors scaled to unit diagonal, with jitter;
 //! - [`information`]: from an information matrix to a covariance, undetermined directions said;
@@ -29,6 +30,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod apart;
 pub mod cancel;
 pub mod cholesky;
 pub mod information;

@@ -141,7 +141,7 @@ impl PoseRun {
     fn remember(&mut self, stamp_ns: u64, x_m: f64) {
         let u_mps = match self.last {
             // Over less than 20 ms the noise of two poses is all there is.
-            Some(last) if stamp_ns > last.stamp_ns + 20_000_000 => {
+            Some(last) if stamp_ns.saturating_sub(last.stamp_ns) > 20_000_000 => {
                 (x_m - last.x_m) / ((stamp_ns - last.stamp_ns) as f64 * 1e-9)
             }
             Some(last) => last.u_mps,

@@ -42,6 +42,9 @@ pub(crate) type Square = SMatrix<f64, STATES, STATES>;
 pub const FRAMES_MIN: usize = 4;
 /// Longest gap between frames that the dynamics bridge \[s\].
 pub const GAP_MAX_S: f64 = 5.0;
+/// Longest gap between frames, with or without poses \[s\]: what lies behind is another run, and what it costs to integrate over
+/// the gap is bounded.
+const FRAMES_GAP_MAX_S: f64 = 120.0;
 
 /// One smoothed frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,6 +157,15 @@ fn check(frames: &[MeasuredFrame]) -> Result<(), SmoothError> {
     for (frame, f) in frames.iter().enumerate() {
         if frame > 0 && f.stamp_ns <= frames[frame - 1].stamp_ns {
             return Err(SmoothError::Order { frame });
+        }
+        let before_ns = frames[frame.saturating_sub(1)].stamp_ns;
+        let gap_s = f.stamp_ns.saturating_sub(before_ns) as f64 * 1e-9;
+        if gap_s > FRAMES_GAP_MAX_S {
+            return Err(SmoothError::Gap {
+                frame,
+                gap_s,
+                allowed_s: FRAMES_GAP_MAX_S,
+            });
         }
         if f.measured.is_none() {
             continue;

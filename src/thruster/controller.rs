@@ -228,6 +228,7 @@ impl SimController {
             tx_line: self.tx_line,
             outputs: &self.outputs,
         };
+        self.device.fail(self.faults.errors);
         let reaction = self.device.feed(byte, &view);
         if reaction.sound {
             self.last_sound_ns = at_ns;
@@ -257,6 +258,9 @@ impl SimController {
         if let Some(mut answer) = reaction.answer {
             if self.faults.misnumbered {
                 answer.misnumber();
+            }
+            if self.faults.without_channels {
+                answer.unname();
             }
             let bytes = answer.bytes(&self.outputs);
             self.transmit(start_ns, &bytes);

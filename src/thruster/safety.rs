@@ -23,6 +23,8 @@ pub enum NeutralReason {
     Lost,
     /// The controller says that it puts out other pulses than it was sent.
     Contradicted,
+    /// The controller goes on reporting errors.
+    Fault,
     /// The daemon ends.
     Exit,
     /// A part of the daemon panicked.
@@ -40,6 +42,7 @@ impl NeutralReason {
             NeutralReason::Range => "range",
             NeutralReason::Lost => "lost",
             NeutralReason::Contradicted => "contradicted",
+            NeutralReason::Fault => "fault",
             NeutralReason::Exit => "exit",
             NeutralReason::Panic => "panic",
         }

@@ -88,7 +88,7 @@ pub struct SetPoint {
 pub struct ServiceStats {
     /// Sets sent.
     pub sets: u64,
-    /// Sets answered in full.
+    /// Sets answered in full: with every channel that was commanded.
     pub echoed: u64,
     /// Set-points skipped because a newer one was due too.
     pub skipped: u64,
@@ -96,6 +96,8 @@ pub struct ServiceStats {
     pub open_attempts: u64,
     /// Times the line was lost.
     pub losses: u64,
+    /// Whether the controller has not confirmed neutral since something was last commanded: its outputs are not known to rest.
+    pub neutral_open: bool,
     /// CPU time of the service's thread \[s\].
     pub cpu_s: f64,
 }
@@ -151,7 +153,7 @@ pub struct Shared {
     heartbeat: Heartbeat,
 }
 
-const REASONS: [NeutralReason; 9] = [
+const REASONS: [NeutralReason; 10] = [
     NeutralReason::Idle,
     NeutralReason::Request,
     NeutralReason::Limit,
@@ -161,6 +163,7 @@ const REASONS: [NeutralReason; 9] = [
     NeutralReason::Exit,
     NeutralReason::Panic,
     NeutralReason::Contradicted,
+    NeutralReason::Fault,
 ];
 
 impl Shared {

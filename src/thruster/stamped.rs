@@ -32,7 +32,7 @@ pub mod error {
     /// The watchdog has put all outputs to neutral.
     pub const WATCHDOG: u16 = 1 << 5;
 
-    /// By bit; the last two are the controller's own: it sets them, nothing here acts on them.
+    /// By bit; the last two are the controller's own. Any that every answer reports stops a plan.
     const NAMES: [&str; 8] = [
         "CRC error",
         "framing error",

@@ -109,7 +109,7 @@ fn record(path: &Path, format: PixelFormat, rig: &Rig) {
 }
 
 /// The words of a command and the files behind them; exit code, standard output, standard error.
-fn run(words: &str, files: &[&Path]) -> (i32, String, String) {
+pub fn run(words: &str, files: &[&Path]) -> (i32, String, String) {
     let mut command = hydroline();
     let mut files = files.iter();
     for word in words.split(' ') {
@@ -126,7 +126,7 @@ fn run(words: &str, files: &[&Path]) -> (i32, String, String) {
     )
 }
 
-fn profiles(log: &Path) -> Vec<StripeProfile> {
+pub fn profiles(log: &Path) -> Vec<StripeProfile> {
     let records = LogReader::open(log).unwrap().map(|m| m.unwrap().record);
     let profiles = records.filter_map(|record| match record {
         Record::Profile(profile) => Some(profile),

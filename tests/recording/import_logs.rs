@@ -332,6 +332,87 @@ fn logs_that_are_not_read_say_what_makes_one_that_is() {
     assert_eq!(samples, 150, "{said}");
 }
 
+/// Files of other programs: name, content, and the word that names each.
+fn foreign_files() -> Vec<(&'static str, Vec<u8>, &'static str)> {
+    // Bytes as packed ones are, of no format.
+    let noise: Vec<u8> = (1..3000_u32)
+        .map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8)
+        .collect();
+    let with = |lead: &[u8]| [lead, &noise].concat();
+    let mut hdf5 = with(b"MATLAB 7.3 MAT-file");
+    hdf5.resize(4096, 0);
+    vec![
+        ("run.mat", with(b"MATLAB 5.0 MAT-file"), "MATLAB"),
+        ("run73.mat", hdf5, "MATLAB"),
+        (
+            "run.xlsx",
+            with(b"PK\x03\x04\x14\0xl/workbook.xml"),
+            "spreadsheet",
+        ),
+        ("run.zip", with(b"PK\x03\x04\x14\0run.bin"), ".zip"),
+        ("run.npz", with(b"PK\x03\x04\x14\0t.npy"), "NumPy"),
+        ("run.parquet", with(b"PAR1"), "Parquet"),
+        ("run.tdms", with(b"TDSm"), "TDMS"),
+        ("run.mf4", with(b"MDF     4.10    "), "MDF"),
+        ("run.h5", with(b"\x89HDF\r\n\x1a\n"), "HDF5"),
+        ("run.ulge", with(b"ULogEnc\x01"), "encrypted"),
+        ("run.mcap.gz", with(b"\x1f\x8b\x08\0"), "unpack"),
+        ("run.json", b"[{\"t\": 0.0, \"x\": 1.5}]".to_vec(), "JSON"),
+        ("run.html", b"<!DOCTYPE html><p>404".to_vec(), "HTML"),
+        (
+            "run.ulg",
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d\n".to_vec(),
+            "Git LFS",
+        ),
+        (
+            "run.log",
+            b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nATT, 1, 2\n".to_vec(),
+            "DataFlash log as text",
+        ),
+        ("run.mcap", noise.clone(), "no kind that is known"),
+    ]
+}
+
+#[test]
+fn a_file_of_another_program_is_named_by_every_command_that_takes_a_log() {
+    let dir = tempfile::tempdir().unwrap();
+    let map = dir.path().join("map.toml");
+    std::fs::write(
+        &map,
+        "[time]\ncolumn = \"t\"\nunit = \"s\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n",
+    )
+    .unwrap();
+    let new = dir.path().join("new.mcap");
+    let (map, new) = (map.to_str().unwrap(), new.to_str().unwrap());
+    for (at, (name, bytes, word)) in foreign_files().into_iter().enumerate() {
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let file = path.to_str().unwrap();
+        let lines = [
+            &["info", file][..],
+            &["import", file, "--map", map, "--out", new],
+            &["import", "--guess", file],
+            &["identify", file, "--rig", "lshpi"],
+            &["doctor", file],
+            &["recover", file, "--out", new],
+            &["export", file, "--out", new],
+            &["diagnose", file, "--rig", "lshpi"],
+            &["replay", file, "--out", new],
+            &["join", file, file, "--out", new],
+        ];
+        // All of one, and two of each other.
+        let rest = if at == 0 { lines.len() } else { 2 };
+        for line in lines.iter().cycle().skip(at).take(rest) {
+            let said = run(line);
+            let words = words(&said);
+            assert_eq!(said.status.code(), Some(2), "{line:?}: {words}");
+            assert!(words.contains(word), "{line:?}: no '{word}' in: {words}");
+            assert!(!words.contains('\u{fffd}'), "{line:?}: {words}");
+            assert!(words.len() < 1500, "{line:?}: {words}");
+        }
+    }
+}
+
 #[test]
 fn messages_with_their_schemas_are_read() {
     let Some(dir) = made("foxglove") else { return };

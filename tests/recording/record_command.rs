@@ -624,3 +624,47 @@ fn between_runs_the_way_to_the_start_is_shown_until_enter() {
         assert!(dir.path().join(format!("run-{k}.mcap")).exists(), "{said}");
     }
 }
+
+#[test]
+fn a_dry_run_refuses_the_calibration_that_the_run_refuses() {
+    use hydroline_calib::calibration::MapParameters;
+    use hydroline_calib::plane::PlaneMap;
+    let dir = tempfile::tempdir().unwrap();
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut made = IdealMap::of(&rig).describe();
+    let MapParameters::Ideal(map) = &mut made.map else {
+        unreachable!("the ideal map is ideal")
+    };
+    map.image.width_px /= 2;
+    let file = dir.path().join("other.calibration.toml");
+    std::fs::write(&file, made.to_toml().unwrap()).unwrap();
+    let log = dir.path().join("run.mcap");
+    for dry in [&["--dry-run"][..], &[]] {
+        let output = hydroline()
+            .args(["record", "--rig", "lshpi", "--plan", "surge-4n"])
+            .arg("--calibration")
+            .arg(&file)
+            .arg("--out")
+            .arg(&log)
+            .args(dry)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{dry:?} {said}");
+        assert!(
+            said.contains("another size or crop is another map"),
+            "{said}"
+        );
+        assert!(!log.exists());
+    }
+    // Nor does it pass over a log that is there.
+    std::fs::write(&log, "").unwrap();
+    let output = hydroline()
+        .args(["record", "--rig", "lshpi", "--plan", "surge-4n"])
+        .args(["--dry-run", "--out"])
+        .arg(&log)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+}

@@ -45,9 +45,9 @@ impl Comparison {
             1e3 * self.expected_m[0],
             1e3 * self.expected_m[1],
             if self.drifted() {
-                "they disagree"
+                "more than their own uncertainties explain"
             } else {
-                "they agree"
+                "as their own uncertainties explain"
             }
         )
     }

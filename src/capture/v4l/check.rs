@@ -4,7 +4,7 @@ use hydroline_rigs::PixelFormat;
 
 use super::device::{BufferInfo, PixFormat};
 use super::stamp::flags;
-use hydroline_core::frame::FrameFault;
+use hydroline_core::frame::{FrameFault, WholeJpeg};
 
 /// A buffer that the driver gave back without a frame in it (EPIPE on the endpoint): no bytes, no stamp, no number.
 pub fn is_void(info: &BufferInfo) -> bool {
@@ -23,7 +23,8 @@ pub fn fault(
         return Some(FrameFault::DriverError);
     }
     if kind == PixelFormat::Mjpg {
-        if !is_whole_jpeg(data) {
+        // The image on its own: what does not fit within it is seen where it is unpacked.
+        if WholeJpeg::of(data).is_err() {
             return Some(FrameFault::BrokenJpeg);
         }
     } else {
@@ -33,12 +34,6 @@ pub fn fault(
         }
     }
     stale.then_some(FrameFault::Stale)
-}
-
-/// SOI at the start and EOI at the end (ITU-T T.81, B.1.1.3). Some cameras pad with zeros behind it.
-fn is_whole_jpeg(data: &[u8]) -> bool {
-    let end = data.iter().rposition(|b| *b != 0).map_or(0, |i| i + 1);
-    data.len() >= 4 && data.starts_with(&[0xff, 0xd8]) && data[..end].ends_with(&[0xff, 0xd9])
 }
 
 #[cfg(test)]
@@ -74,17 +69,24 @@ mod tests {
     }
 
     #[test]
-    fn jpegs_need_both_markers() {
+    fn jpegs_need_all_their_data_and_nothing_behind_their_end() {
         let of = |data: &[u8]| fault(PixelFormat::Mjpg, &GREY, &info(0), data, false);
-        assert_eq!(of(&[0xff, 0xd8, 1, 2, 0xff, 0xd9]), None);
-        assert_eq!(of(&[0xff, 0xd8, 1, 2, 0xff, 0xd9, 0, 0]), None);
+        let jpeg = crate::v4l::tests::fake_kernel::jpeg();
+        let (head, tail) = jpeg.split_at(jpeg.len() - 2);
+        assert_eq!(of(&jpeg), None);
+        // Cameras pad, some with what the buffer held before.
+        assert_eq!(of(&[&jpeg[..], &[0, 0]].concat()), None);
+        assert_eq!(of(&[&jpeg[..], &[7, 0xff, 9]].concat()), None);
         for bad in [
             &[][..],
             &[0xff, 0xd8],
-            &[0xff, 0xd8, 1, 2],
+            &[0xff, 0xd8, 1, 2, 0xff, 0xd9],
             &[0xff, 0xd9],
-            &[0, 0xff, 0xd8, 0xff, 0xd9],
-            &[0, 0, 0, 0],
+            &[0; 4],
+            head,
+            tail,
+            &[&[0], &jpeg[..]].concat(),
+            &[&head[..head.len() - 9], tail].concat(),
         ] {
             assert_eq!(of(bad), Some(FrameFault::BrokenJpeg), "{bad:?}");
         }

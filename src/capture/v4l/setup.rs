@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hydroline_rigs::{Camera, PixelFormat, YuvRange};
+use hydroline_rigs::{Camera, FRAME_BYTES_MAX, PixelFormat, YuvRange};
 
 use super::controls;
 use super::device::{Capability, Errno, OfferedSize, PixFormat, V4lDevice, V4lSystem};
@@ -206,6 +206,18 @@ fn set_format(
             node: node.to_path_buf(),
             format: got.words(),
             planes: got.memory_planes,
+            offers: offers_text(&device.offers()),
+        });
+    }
+    let bytes = format.image_bytes(camera.width_px, camera.height_px, got.stride_bytes);
+    if same && fits && bytes > FRAME_BYTES_MAX {
+        return Err(CaptureError::Format {
+            node: node.to_path_buf(),
+            asked: wanted.words(),
+            got: format!(
+                "rows of {} bytes, {bytes} in all, more than the {FRAME_BYTES_MAX} of the largest frame that is recorded",
+                got.stride_bytes
+            ),
             offers: offers_text(&device.offers()),
         });
     }

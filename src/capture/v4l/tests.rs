@@ -10,7 +10,7 @@ use super::*;
 use fake_kernel::*;
 use hydroline_core::clock::ManualClock;
 
-mod fake_kernel;
+pub(super) mod fake_kernel;
 
 fn rig_camera() -> Camera {
     let control = |name: &str, value| CameraControl {
@@ -260,6 +260,24 @@ fn half_a_jpeg_is_noticed_without_a_flag() {
     r.balanced();
     assert_eq!(r.counts.excluded.broken_jpeg, 1);
     assert_eq!(r.frames[20].stride_bytes, 0);
+}
+
+#[test]
+fn a_hole_between_the_markers_of_a_jpeg_makes_its_frame_faulty() {
+    let (system, clock) = system();
+    system.world().jpeg = true;
+    let camera = Camera {
+        pixel_format: PixelFormat::Mjpg,
+        ..rig_camera()
+    };
+    let mut source = open(&camera, &system, &clock).unwrap();
+    let at = clock.monotonic_ns() + 2_000 * MS;
+    system.world().faults.push_back((at, Fault::Hole));
+    let r = go(&mut source, &clock, 4.0);
+    r.balanced();
+    assert_eq!(r.counts.excluded.broken_jpeg, 1);
+    let said = r.events("camera.error_frame");
+    assert!(said[0].message.contains("no whole JPEG"), "{said:?}");
 }
 
 #[test]

@@ -86,7 +86,7 @@ pub(super) fn damaged(at_ns: u64, fault: FrameFault, info: &BufferInfo, full_byt
     let what = match fault {
         FrameFault::DriverError => "is flagged as damaged by the driver",
         FrameFault::Truncated => "is cut short",
-        FrameFault::BrokenJpeg => "is no whole JPEG (start or end marker missing)",
+        FrameFault::BrokenJpeg => "is no whole JPEG: bytes of it are missing or were changed",
         FrameFault::Stale => "may be stale",
     };
     let message = format!(

@@ -6,6 +6,7 @@ use hydroline_core::frame::{Frame, GreyImage, GreyRule};
 use hydroline_daemon::calibrate::{Poses, Setup, see};
 use hydroline_log::{LogReader, Record};
 use hydroline_numerics::{cancel, parallel};
+use hydroline_rigs::bounded;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub enum Source {
 pub fn sources(paths: &[PathBuf]) -> Result<Vec<Source>, CliError> {
     let kind = |path: &PathBuf| {
         let mut start = Vec::new();
-        std::fs::File::open(path)
+        bounded::open(path)
             .and_then(|f| f.take(MCAP_MAGIC.len() as u64).read_to_end(&mut start))
             .map_err(|e| CliError::reading(path, &e, "name a log or an image (PNG, JPEG)"))?;
         Ok(if start == MCAP_MAGIC {
@@ -65,6 +66,8 @@ pub struct Collected {
     pub refused_images: u64,
     /// Of these, files that are no image.
     pub unreadable_images: u64,
+    /// Frames of logs that nothing marks as faulty and that cannot be read.
+    pub lost_frames: u64,
     /// Number of refusals by kind of reason; of each kind the first reason in full.
     pub refused: BTreeMap<String, u64>,
     kinds: BTreeMap<String, String>,
@@ -164,7 +167,9 @@ pub fn collect(
                 let looked = parallel::map_slice(&paths, |path| {
                     cancel::check();
                     let image = images::load(path, &reading.rule);
-                    (image.is_err(), look(setup, image, true))
+                    let unreadable = image.as_ref().is_err_and(|e| !e.is_damage());
+                    let image = image.map_err(|e| e.to_string());
+                    (unreadable, look(setup, image, true))
                 });
                 for (path, (unreadable, looked)) in paths.iter().zip(looked) {
                     collected.unreadable_images += u64::from(unreadable);
@@ -227,12 +232,16 @@ fn log(
             cancel::check();
             if let Some(fault) = frame.meta.fault {
                 let name = hydroline_log::messages::fault_name(fault);
-                return Err(format!("frame excluded: {name}"));
+                return (false, Err(format!("frame excluded: {name}")));
             }
             let grey = frame.to_grey(&reading.rule).map_err(|e| e.to_string());
-            look(setup, grey, k % REASON_EVERY == 0)
+            (grey.is_err(), look(setup, grey, k % REASON_EVERY == 0))
         });
-        for ((_, frame), looked) in frames.drain(..).zip(looked) {
+        for ((_, frame), (lost, looked)) in frames.drain(..).zip(looked) {
+            if let (true, Err(words)) = (lost, &looked) {
+                collected.lost_frames += 1;
+                bar.suspend(|| errln!("hydroline: {}: {words}", path.display()));
+            }
             match collected.take(setup, looked) {
                 Ok(()) => {
                     collected.last_ns = collected.last_ns.max(Some(frame.meta.mid_exposure_ns))

@@ -44,6 +44,19 @@ pub fn provenance(c: &Calibration) -> String {
     )
 }
 
+/// The one verdict on a calibration; `apart` = the others from which it is further off than is allowed.
+fn closing(accepted: bool, missing: &[String], apart: &[&str]) -> String {
+    match accepted {
+        false => format!("not accepted, missing: {}", missing.join("; ")),
+        true if apart.is_empty() => "accepted: nothing is missing".to_owned(),
+        true => format!(
+            "by itself nothing is missing, but it is off from {} by more than is allowed: find out which of them holds before a run \
+             uses either",
+            apart.join(", ")
+        ),
+    }
+}
+
 impl Report<'_> {
     /// A comparison in words, and whether it is more than the rig allows a map.
     fn judged(&self, found: &Comparison) -> String {
@@ -54,6 +67,15 @@ impl Report<'_> {
             "MORE than"
         };
         format!("{} ({size} the {allowed_mm:.2} mm allowed)", found.words())
+    }
+
+    /// Names of the calibrations that it differs from by more than the rig allows a map and the uncertainties explain: by the
+    /// shape alone, where another place of the board was taken out.
+    fn apart(&self) -> Vec<&str> {
+        let apart = |found: &Comparison| found.drifted() && found.max_m > self.setup.tolerance_m();
+        let of = |a: &&Against| a.aligned.as_ref().or(a.as_is.as_ref()).is_some_and(apart);
+        let found = self.against.iter().filter(of);
+        found.map(|a| a.name.as_str()).collect()
     }
 
     /// The file: what it claims as a comment, then the calibration.
@@ -204,11 +226,27 @@ impl fmt::Display for Report<'_> {
             }
         }
         writeln!(f, "claim: {}", c.claim())?;
-        if s.accepted {
-            writeln!(f, "accepted: nothing is missing")?;
-        } else {
-            writeln!(f, "not accepted, missing: {}", s.missing.join("; "))?;
-        }
+        writeln!(f, "{}", closing(s.accepted, &s.missing, &self.apart()))?;
         writeln!(f, "{}", self.out.display())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::closing;
+
+    #[test]
+    fn what_disagrees_with_another_is_not_called_accepted() {
+        let words = closing(true, &[], &["old.toml"]);
+        assert!(
+            words.contains("old.toml") && !words.contains("accepted"),
+            "{words}"
+        );
+        assert_eq!(closing(true, &[], &[]), "accepted: nothing is missing");
+        let missing = ["corners".to_owned()];
+        assert_eq!(
+            closing(false, &missing, &["old.toml"]),
+            "not accepted, missing: corners"
+        );
     }
 }

@@ -6,6 +6,7 @@ use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
 use hydroline_calib::flat::FlatError;
 use hydroline_capture::{CaptureError, FolderError};
+use hydroline_core::descriptors::TooFew;
 use hydroline_core::frame::FrameError;
 use hydroline_daemon::record::RecordError;
 use hydroline_daemon::replay::ReplayError;
@@ -54,6 +55,8 @@ pub(super) fn is_no_file(kind: ErrorKind) -> bool {
             // Text was expected, and it is none.
             | ErrorKind::InvalidData
             | ErrorKind::FileTooLarge
+            // A pipe, a terminal, a device.
+            | ErrorKind::NotSeekable
     )
 }
 
@@ -61,10 +64,13 @@ impl Sorted for LogError {
     fn is_input(&self) -> bool {
         match self {
             Self::NotMcap { .. }
+            | Self::Foreign { .. }
             | Self::Empty { .. }
             | Self::Exists { .. }
             | Self::OutputExists { .. }
             | Self::NotEmpty { .. }
+            | Self::BeingWritten { .. }
+            | Self::TooLarge { .. }
             | Self::WontFit { .. } => true,
             Self::Read { source, .. } | Self::Create { source, .. } => is_no_file(source.kind()),
             _ => false,
@@ -225,7 +231,10 @@ sorted! {
     },
     SimulateError: |e| match e {
         SimulateError::Sim(error) => error.is_input(),
-        SimulateError::Scene(_) | SimulateError::Plan(_) | SimulateError::Noise { .. } => true,
+        SimulateError::Scene(_)
+        | SimulateError::Plan(_)
+        | SimulateError::Noise { .. }
+        | SimulateError::Start { .. } => true,
         SimulateError::Log(error) => error.is_input(),
         SimulateError::Capture(_) => false,
     },
@@ -235,7 +244,10 @@ sorted! {
         SimError::Trajectory(_) => false,
     },
     IdentifyError: |e| match e {
-        IdentifyError::OnlyStill(_) | IdentifyError::NoRun | IdentifyError::Effect(_) => true,
+        IdentifyError::OnlyStill(_)
+        | IdentifyError::NoRun
+        | IdentifyError::TooSparse { .. }
+        | IdentifyError::Effect(_) => true,
         IdentifyError::TooFew { .. } | IdentifyError::Method(_) | IdentifyError::Forward(_) => false,
     },
     BollardError: |e| match e {
@@ -269,6 +281,7 @@ sorted! {
     FrameError: |_| false,
     hydroline_calib::map::MapError: |_| false,
     PtyError: |_| false,
+    TooFew: |_| false,
     serde_json::Error: |_| false,
     CalibError: |e| !matches!(e, CalibError::Unwritable { .. }),
     ServiceError: |e| matches!(e, ServiceError::TooSlow { .. } | ServiceError::Channels { .. }),

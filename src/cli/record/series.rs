@@ -35,6 +35,10 @@ impl Session<'_> {
 /// Runs that are made alike, each from where the one before left the vehicle.
 pub(super) struct Alike<'a> {
     pub plan: Option<&'a Plan>,
+    /// Length of each run; `None` = the plan's, or until stopped.
+    pub length: Option<Duration>,
+    /// Why the plan that was asked for is not run; `None` = it is.
+    pub withheld: Option<String>,
     /// The rig of each run: its start is where the vehicle will be then.
     pub rigs: Vec<Rig>,
     pub outs: Vec<PathBuf>,
@@ -178,13 +182,18 @@ impl<'a> AtTank<'a> {
             Work::Alike(alike) => (alike.plan, (run, args.runs)),
             Work::Proposed(proposing) => (proposing.plan(offer), (1, 1)),
         };
+        let (length, withheld) = match &self.work {
+            Work::Alike(alike) => (alike.length, alike.withheld.as_deref()),
+            Work::Proposed(_) => (args.length, None),
+        };
         let calibration = self.calibrating.calibration.clone();
         let recording = Recording {
             rig,
             plan,
             conditions,
             run,
-            length: args.length,
+            withheld,
+            length,
             ready_within: args.ready_within,
             with_thrusters: !args.no_thrusters,
             calibration: calibration
@@ -228,6 +237,7 @@ impl<'a> AtTank<'a> {
             few_poses: few_poses(&report),
             misplaced: !report.log.misplaced.is_empty(),
             not_calibrated,
+            neutral_open: report.neutral_open(),
         })
     }
 }

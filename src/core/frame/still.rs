@@ -1,22 +1,40 @@
 //! JPEG and PNG to grey levels: frames of cameras and logs, and image files.
+//!
+//! What is damaged has no grey levels ([`WholeJpeg`]; PNG has checksums), and what EXIF says of how the camera was held
+//! is heeded, so that rows are rows and columns are columns.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 
-use image::{DynamicImage, ImageFormat, ImageReader};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use super::clipping::{HiddenClipping, worst};
 use super::grey::{full_scale, level, luma};
-use super::{COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, PixelFormat};
+use super::{
+    COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, JpegDamage, PixelFormat,
+    WholeJpeg, seams,
+};
 
 /// Why an image file has no grey levels.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[allow(missing_docs)] // Each message names its fields.
 pub enum StillError {
-    /// Neither PNG nor JPEG, or damaged.
+    /// Neither PNG nor JPEG, or a damaged PNG.
     #[error("{0}; PNG (8 or 16 bit) and JPEG are read")]
     Decode(String),
+    #[error(
+        "damaged JPEG, nothing in it is to be trusted: {0}; take the image anew or copy it again"
+    )]
+    Damaged(#[from] JpegDamage),
     #[error("an image of {0} x {1} pixels; at most {COMPRESSED_MAX_PX} in all are unpacked")]
     TooLarge(u32, u32),
+}
+
+impl From<ImageError> for StillError {
+    fn from(error: ImageError) -> Self {
+        StillError::Decode(error.to_string())
+    }
 }
 
 /// The grey levels of an image file's bytes, PNG or JPEG as they say themselves.
@@ -46,18 +64,73 @@ pub fn hidden_in_still(
 }
 
 fn decoded(bytes: &[u8]) -> Result<DynamicImage, StillError> {
-    let reader = || {
-        ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(|e| StillError::Decode(e.to_string()))
-    };
-    let words = |e: image::ImageError| StillError::Decode(e.to_string());
+    let kind = image::guess_format(bytes)?;
     // The header first: a few bytes can claim any size.
-    let (w, h) = reader()?.into_dimensions().map_err(words)?;
+    let Head { size_px, turned } = head(bytes, kind).map_err(|e| unread(bytes, kind, e))?;
+    let (w, h) = size_px;
     if u64::from(w) * u64::from(h) > COMPRESSED_MAX_PX {
         return Err(StillError::TooLarge(w, h));
     }
-    reader()?.decode().map_err(words)
+    unpacked(bytes, kind, turned)
+}
+
+/// Size as an image is stored \[px\], and the turn that makes it upright.
+struct Head {
+    size_px: (u32, u32),
+    turned: Orientation,
+}
+
+impl Head {
+    /// Width and height of the upright image \[px\].
+    fn upright(&self) -> (u32, u32) {
+        let (w, h) = self.size_px;
+        match self.turned {
+            Orientation::Rotate90
+            | Orientation::Rotate270
+            | Orientation::Rotate90FlipH
+            | Orientation::Rotate270FlipH => (h, w),
+            _ => (w, h),
+        }
+    }
+}
+
+fn head(bytes: &[u8], kind: ImageFormat) -> Result<Head, ImageError> {
+    let mut decoder = ImageReader::with_format(Cursor::new(bytes), kind).into_decoder()?;
+    Ok(Head {
+        size_px: decoder.dimensions(),
+        // EXIF that cannot be read says nothing.
+        turned: decoder.orientation().unwrap_or(Orientation::NoTransforms),
+    })
+}
+
+/// Why an image's head cannot be read: where it is a JPEG, its damage.
+fn unread(bytes: &[u8], kind: ImageFormat, error: ImageError) -> StillError {
+    match kind {
+        ImageFormat::Jpeg => WholeJpeg::of(bytes).map_or_else(Into::into, |_| error.into()),
+        _ => error.into(),
+    }
+}
+
+/// Pixels of an image that is whole: the one place where JPEG and PNG are decoded.
+fn unpacked(
+    bytes: &[u8],
+    kind: ImageFormat,
+    turned: Orientation,
+) -> Result<DynamicImage, StillError> {
+    let jpeg = match kind {
+        ImageFormat::Jpeg => Some(WholeJpeg::of(bytes)?),
+        _ => None,
+    };
+    let bytes = jpeg
+        .as_ref()
+        .map_or(Cow::Borrowed(bytes), WholeJpeg::with_tables);
+    let mut image = ImageReader::with_format(Cursor::new(&bytes), kind).decode()?;
+    if let Some(grid) = jpeg.and_then(|jpeg| jpeg.grid) {
+        let grey = image.to_luma8();
+        seams::check(grey.as_raw(), grey.width() as usize, &grid)?;
+    }
+    image.apply_orientation(turned);
+    Ok(image)
 }
 
 /// The format that an image file's bytes say they have.
@@ -69,40 +142,56 @@ pub fn still_format(bytes: &[u8]) -> Option<PixelFormat> {
     }
 }
 
-/// Width and height that an image file's head states \[px\].
-pub fn still_size(bytes: &[u8]) -> Option<(u32, u32)> {
-    let reader = ImageReader::new(Cursor::new(bytes));
-    reader.with_guessed_format().ok()?.into_dimensions().ok()
+/// The decoder's name of a compressed format, and a person's.
+fn kind(format: PixelFormat) -> (ImageFormat, &'static str) {
+    match format {
+        PixelFormat::Png => (ImageFormat::Png, "PNG"),
+        _ => (ImageFormat::Jpeg, "JPEG"),
+    }
+}
+
+/// Width and height of the upright image that the head of a compressed one states \[px\]; `None` = its head cannot be
+/// read.
+pub fn still_size(bytes: &[u8], format: PixelFormat) -> Option<(u32, u32)> {
+    head(bytes, kind(format).0).ok().map(|head| head.upright())
 }
 
 /// The grey levels of a compressed frame.
 pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<GreyImage, FrameError> {
     let sequence = frame.meta.sequence;
-    let (kind, format) = match frame.format {
-        PixelFormat::Png => (ImageFormat::Png, "PNG"),
-        _ => (ImageFormat::Jpeg, "JPEG"),
-    };
-    let failed = |e: image::ImageError| FrameError::Undecodable {
-        sequence,
-        format,
-        reason: e.to_string(),
-    };
-    let reader = || ImageReader::with_format(Cursor::new(&frame.data), kind);
-    // The header first: what it claims is held against what was negotiated before anything is unpacked.
-    let got = reader().into_dimensions().map_err(failed)?;
-    let wanted = (frame.width_px, frame.height_px);
-    if got != wanted {
-        return Err(FrameError::CompressedSize {
+    let (kind, format) = kind(frame.format);
+    let failed = |error: StillError| match error {
+        StillError::Damaged(damage) => FrameError::Damaged { sequence, damage },
+        error => FrameError::Undecodable {
             sequence,
             format,
-            got,
-            wanted,
+            reason: error.to_string(),
+        },
+    };
+    // The header first: what it claims is held against what was negotiated before anything is unpacked.
+    let head = head(&frame.data, kind).map_err(|e| failed(unread(&frame.data, kind, e)))?;
+    let wanted = (frame.width_px, frame.height_px);
+    let turned = match head.upright() {
+        upright if upright == wanted => head.turned,
+        // The size that was negotiated with a camera holds against a turn that it states.
+        _ if head.size_px == wanted => Orientation::NoTransforms,
+        got => {
+            return Err(FrameError::CompressedSize {
+                sequence,
+                format,
+                got,
+                wanted,
+            });
+        }
+    };
+    if u64::from(wanted.0) * u64::from(wanted.1) > COMPRESSED_MAX_PX {
+        return Err(FrameError::TooLarge {
+            sequence,
+            got: head.size_px,
         });
     }
-    if u64::from(got.0) * u64::from(got.1) > COMPRESSED_MAX_PX {
-        return Err(FrameError::TooLarge { sequence, got });
-    }
-    Ok(grey(reader().decode().map_err(failed)?, rule))
+    let image = unpacked(&frame.data, kind, turned).map_err(failed)?;
+    Ok(grey(image, rule))
 }
 
 /// The grey levels of a decoded image. Without colours every channel is the same.

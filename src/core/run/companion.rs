@@ -21,6 +21,17 @@ impl Companions {
         }
     }
 
+    /// Those within `from_s ..= to_s`.
+    #[must_use]
+    pub fn between(&self, from_s: f64, to_s: f64) -> Companions {
+        let from = self.times_s.partition_point(|t_s| *t_s < from_s);
+        let to = self.times_s.partition_point(|t_s| *t_s <= to_s).max(from);
+        Companions {
+            times_s: self.times_s[from..to].to_vec(),
+            values: self.values[from..to].to_vec(),
+        }
+    }
+
     /// One companion where it was measured: stamps \[s\] and values.
     pub fn measured(&self, companion: usize) -> (Vec<f64>, Vec<f64>) {
         let each = self.times_s.iter().zip(&self.values);

@@ -263,7 +263,11 @@ impl Supervisor<'_> {
 
     fn not_ready(&self) -> StopReason {
         let seconds = self.job.ready_within.as_secs_f64();
-        let missing = if self.good_frame() {
+        let answers = self.service.is_some_and(|s| s.state() != State::Lost);
+        let missing = if self.good_frame() && answers {
+            "the thruster controller answers, but says of no command that it put it out: is thrusters.link.kind right, and are \
+             the rig's channels those of the controller?"
+        } else if self.good_frame() {
             "the thruster controller does not answer: is it powered, and is thrusters.link right?"
         } else {
             "no good frame: is the camera plugged in and free?"

@@ -26,6 +26,11 @@ pub enum Line {
     },
     /// Few frames of the run have a pose.
     FewPoses(String),
+    /// The controller has not confirmed neutral at the end of a run.
+    NeutralOpen {
+        /// Few frames of the run have a pose, too.
+        few_poses: Option<String>,
+    },
 }
 
 impl fmt::Display for Line {
@@ -43,6 +48,16 @@ impl fmt::Display for Line {
                 write!(f, "stopped between runs; {made} of {of} runs are recorded")
             }
             Line::FewPoses(words) => f.write_str(words),
+            Line::NeutralOpen { few_poses } => {
+                f.write_str(
+                    "the controller has not confirmed neutral: the thrusters may still run, and no further run follows; look \
+                     at them, cut their power if they do, then `hydroline check`",
+                )?;
+                match few_poses {
+                    Some(words) => write!(f, "; {words}"),
+                    None => Ok(()),
+                }
+            }
         }
     }
 }

@@ -25,6 +25,7 @@ fn made(stop: StopReason) -> Event {
         few_poses: None,
         misplaced: false,
         not_calibrated: None,
+        neutral_open: false,
     })
 }
 
@@ -132,6 +133,7 @@ fn a_log_in_another_place_and_a_calibration_that_is_missing_end_the_series() {
             few_poses: None,
             misplaced,
             not_calibrated: not_calibrated.map(str::to_owned),
+            neutral_open: false,
         });
         driven(RULES, vec![event]).0.pop()
     };
@@ -156,11 +158,42 @@ fn what_was_lost_in_one_run_is_said_and_stays_with_the_series() {
         few_poses: Some("only 2 of 90".to_owned()),
         misplaced: false,
         not_calibrated: None,
+        neutral_open: false,
     });
     let rules = Rules { last: 2, ..RULES };
     let (actions, said) = driven(rules, vec![few, Event::Ready(true), finished()]);
     assert_eq!(actions[3], done(true));
     assert_eq!(said, ["only 2 of 90"]);
+}
+
+#[test]
+fn no_run_follows_one_whose_neutral_is_not_confirmed() {
+    let open = |stop, few_poses: Option<&str>| {
+        Event::Recorded(Made {
+            stop,
+            lost: false,
+            few_poses: few_poses.map(str::to_owned),
+            misplaced: false,
+            not_calibrated: None,
+            neutral_open: true,
+        })
+    };
+    let (actions, said) = driven(RULES, vec![open(StopReason::Finished, None)]);
+    assert_eq!(actions[1], done(true));
+    assert!(said[0].contains("not confirmed neutral"), "{said:?}");
+    let events = vec![
+        Event::Proposed,
+        open(StopReason::Finished, Some("only 2 of 90")),
+    ];
+    let (actions, said) = driven(proposed(Starts::Unasked), events);
+    assert_eq!(actions[2], done(true));
+    assert!(said[0].contains("only 2 of 90") && said[0].contains("not confirmed"));
+    // A run that failed stays failed.
+    let stop = StopReason::Limit("x = 9 m".to_owned());
+    let words = stop.to_string();
+    let (actions, said) = driven(RULES, vec![open(stop, None)]);
+    assert_eq!(actions[1], Action::End(End::Failed(words)));
+    assert_eq!(said.len(), 1);
 }
 
 #[test]

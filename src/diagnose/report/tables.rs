@@ -288,7 +288,7 @@ pub(super) fn noise(b: &mut Body, v: &Verdict) {
 pub(super) fn faults(b: &mut Body, v: &Verdict) {
     b.section("Faults of the data");
     if v.data_faults.is_empty() {
-        b.paragraph("Units, signs, swapped, dead and stuck channels, gaps, repeated stamps, outliers and clocks were checked: nothing to remark.");
+        b.paragraph("Units, signs, swapped, dead and stuck channels, gaps, steps of the clock, repeated stamps, outliers and clocks were checked: nothing to remark.");
         return;
     }
     let mut table = Table::new(["fault", "channel", "run", "evidence", "stops the diagnosis"]);

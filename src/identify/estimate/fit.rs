@@ -6,9 +6,11 @@ use crate::lm;
 use crate::problem::{Objective, Problem, from};
 use crate::uncertainty::covariance;
 use hydroline_core::run::RestNoise;
+use hydroline_numerics::apart::not_apart;
 use hydroline_numerics::noise::{Noise, Series, mask};
 use hydroline_numerics::statistics::{Correlogram, LAGS, Whiteness, difference_sd, variance_above};
 use nalgebra::DMatrix;
+use std::collections::BTreeSet;
 
 /// sd over the rig's size above which a coefficient is held.
 const HOLD_ABOVE: f64 = 2.0;
@@ -72,7 +74,12 @@ impl<'f> Fit<'f> {
             if largest > 0.0 { largest } else { 1e-6 }
         };
         let sds: Vec<f64> = (0..slots).map(first_sd).collect();
-        let problem = Problem::new(forward, &sds);
+        let mut problem = Problem::new(forward, &sds);
+        let noises: Vec<Noise> = sds.into_iter().map(Noise::white).collect();
+        let apart = standing_apart(forward);
+        if apart.iter().flatten().any(|a| !a.is_empty()) {
+            problem.set_noise(&noises, |run, slot, k| !apart[run][slot].contains(&k));
+        }
         let free = problem.free().len();
         if problem.samples() < 2 * free {
             return Err(IdentifyError::TooFew {
@@ -82,7 +89,6 @@ impl<'f> Fit<'f> {
             });
         }
         let at = problem.start();
-        let noises = sds.into_iter().map(Noise::white).collect();
         Ok(Fit {
             forward,
             held: vec![false; at.len()],
@@ -400,6 +406,28 @@ impl<'f> Fit<'f> {
         let freedom = self.freedom();
         Ok((2.0 * self.problem.normal(&self.at)?.cost / freedom, freedom))
     }
+}
+
+/// Samples of each run and slot that stand apart from their neighbours whatever the model. A fit that begins with them is drawn
+/// away, and what it leaves then passes for noise, by which nothing is determined.
+fn standing_apart(forward: &dyn Forward) -> Vec<Vec<BTreeSet<usize>>> {
+    let slots = forward.slots().len();
+    let of = |run: usize, slot: usize| {
+        let values = forward.measured(run).iter().skip(slot).step_by(slots);
+        let seen: Vec<(usize, f64)> = values
+            .copied()
+            .enumerate()
+            .filter(|v| v.1.is_finite())
+            .collect();
+        let times_s: Vec<f64> = seen.iter().map(|(k, _)| forward.times_s(run)[*k]).collect();
+        let values: Vec<f64> = seen.iter().map(|v| v.1).collect();
+        let used = not_apart(&times_s, &values);
+        let apart = seen.iter().zip(used).filter(|(_, used)| !used);
+        apart.map(|((k, _), _)| *k).collect()
+    };
+    (0..forward.runs())
+        .map(|run| (0..slots).map(|slot| of(run, slot)).collect())
+        .collect()
 }
 
 /// J^T J of what is free beside what is held; 1 on the diagonal of the held.

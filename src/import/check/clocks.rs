@@ -36,6 +36,9 @@ impl Counted {
     }
 }
 
+/// Zones lie no further apart \[half hours\]: UTC-12 to UTC+14. A larger step is the clock's.
+const ZONES_MAX: f64 = 52.0;
+
 /// Half hours in a step: an hour or more to the second is a change of zone or of daylight saving time.
 fn half_hours(step_s: f64) -> f64 {
     (step_s / 1800.0).round()
@@ -74,7 +77,8 @@ impl Clocks {
 
     fn step(&mut self, step_s: f64, line: u64, interval_s: f64) {
         let hours = half_hours(step_s);
-        let zone_jump = hours.abs() >= 1.0 && (step_s - hours * 1800.0).abs() < 5.0 * interval_s;
+        let zone_jump = (1.0..=ZONES_MAX).contains(&hours.abs())
+            && (step_s - hours * 1800.0).abs() < 5.0 * interval_s;
         if zone_jump {
             self.zone.get_or_insert((line, hours / 2.0));
         } else if step_s < 0.0 {
@@ -114,7 +118,7 @@ impl Clocks {
             );
         }
         if let Some((line, hours)) = self.zone {
-            findings.fault_at("time_zone_jump", Some(line), format!("time jumps by {hours:+.1} h on line {line}: time zones or daylight saving mixed?"));
+            findings.fault_at("time_zone_jump", Some(line), format!("time jumps by {hours:+.1} h on line {line}: time zones or daylight saving mixed, or a clock that was set? Two runs: [time] to_s and from_s of the map part them"));
         }
         self.order(findings);
         let Counted {
@@ -165,7 +169,7 @@ impl Clocks {
             });
             let hint = turn.map_or(String::new(), |(bits, _, unit)| {
                 format!(
-                    "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}"
+                    "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}; a clock that was started anew? boot = 2 takes the second run"
                 )
             });
             findings.fault_at(

@@ -106,11 +106,14 @@ fn limit(series: &Series<'_>) -> Option<f64> {
     let mut curvatures: Vec<f64> = (2..n)
         .map(|i| (series.change(i - 1, i) - series.change(i - 2, i - 1)).abs())
         .collect();
-    let curvature = quantile(&mut curvatures, 0.95)?;
+    let most = quantile(&mut curvatures, 0.95)?;
+    let body = series.options.body_curvatures * quantile(&mut curvatures, 0.75)?;
     steps.retain(|s| *s > 0.0);
     // A coarse instrument stands and steps.
     let coarse = 2 * steps.len() < n;
     let quantum = quantile(&mut steps, 0.5)?;
+    // Jumps must not hide each other: where they are some in a hundred rows they make the largest twentieth themselves.
+    let curvature = most.min(if body > 0.0 { body } else { quantum });
     let usual = if coarse {
         curvature.max(quantum)
     } else {

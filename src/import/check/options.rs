@@ -44,6 +44,9 @@ pub struct Options {
     pub jump_rows: usize,
     /// A jump is this many times what nineteen of twenty rows do.
     pub jump_curvatures: f64,
+    /// Nineteen of twenty rows do no more than this many times what three of four do (1.7 under normal noise): what is beyond
+    /// are jumps, and none of what is usual.
+    pub body_curvatures: f64,
     /// No vehicle is pushed harder \[m/s²\]: twenty times its weight.
     pub push_max_mps2: f64,
     /// A vehicle's own means push it with less than its weight \[m/s²\],
@@ -107,6 +110,7 @@ impl Default for Options {
             bridged_steps: 4.0,
             jump_rows: 20,
             jump_curvatures: 12.0,
+            body_curvatures: 4.0,
             push_max_mps2: 200.0,
             push_sudden_mps2: 10.0,
             turn_sudden_radps2: 20.0,

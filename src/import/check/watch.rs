@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use hydroline_rigs::Rig;
 
 use super::channel::{self, Extent};
+use super::clock_steps;
 use super::clocks::Clocks;
 use super::commands::Loads;
 use super::drift::Drift;
@@ -163,6 +164,7 @@ impl<'a> Watch<'a> {
             in_tank: self.map.channels.iter().any(|c| c.in_tank),
         };
         kinematics::check(&data, assumed, &self.options, &mut findings);
+        clock_steps::check(&data, &self.options, clock_steps::by_map, &mut findings);
         for finding in findings {
             self.merge(finding);
         }
@@ -208,7 +210,7 @@ impl<'a> Watch<'a> {
         let same = |f: &&mut (Finding, usize)| {
             f.0.kind == finding.kind
                 && f.0.severity == finding.severity
-                && f.0.subject() == finding.subject()
+                && (f.0.subject() == finding.subject() || f.0.kind == "clock_step")
                 && (f.0.kind != "kinematics" || f.0.message.get(..5) == finding.message.get(..5))
         };
         match self.found.iter_mut().find(same) {

@@ -50,16 +50,16 @@ impl EvenRows {
             return stamp_ns;
         };
         let since_ns = (stamp_ns - zero_ns) as f64;
-        let mut row = before + 1;
+        let mut row = before.saturating_add(1);
         let off_ns = since_ns - row as f64 * self.period_ns;
         // Two stamps may both be rounded, to either side.
         let allowed_ns = self.granularity_ns + 0.6 * self.period_ns;
         if off_ns > allowed_ns {
             let at = (since_ns / self.period_ns).round() as i64;
-            self.missing += at - row;
+            self.missing = self.missing.saturating_add(at.saturating_sub(row));
             self.gap_count += 1;
             if self.gaps.len() < 8 {
-                self.gaps.push((line, at - row));
+                self.gaps.push((line, at.saturating_sub(row)));
             }
             row = at;
         } else if off_ns < -allowed_ns {

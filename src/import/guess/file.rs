@@ -10,7 +10,11 @@ pub(super) fn quoted(text: &str) -> String {
 
 pub(super) fn write(file: &FileMap, draft: &mut Draft) {
     let mut keys = Vec::new();
+    if !file.widths.is_empty() {
+        keys.push(crate::widths::words(&file.widths));
+    }
     match file.separator {
+        _ if !file.widths.is_empty() => {}
         None | Some(Separator::Byte(b',')) => {}
         Some(Separator::Byte(b'\t')) => keys.push("separator = \"\\t\"".to_owned()),
         Some(other) => keys.push(format!("separator = {}", quoted(&other.to_string()))),

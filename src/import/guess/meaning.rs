@@ -4,7 +4,7 @@ pub(super) mod words;
 pub(super) mod written;
 
 pub(super) use words::Words;
-use words::{is_time, is_way_or_speed, split};
+use words::{is_way_or_speed, split, tells_time};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
@@ -154,13 +154,25 @@ pub(super) fn meaning(name: &str, group: &str) -> Meaning {
     match ground {
         Some(axis) if moves => Ground(6 + axis),
         Some(axis) => Channel(axis),
-        None => by_word(last, &has, moves, loads, alone),
+        None => {
+            // A letter says nothing of itself: `Battery V` is no velocity.
+            let others = own[..own.len() - 1].iter().chain(&above);
+            let is_rate = others
+                .clone()
+                .any(|w| listed("velocity vel velocities linear twist speed", w));
+            let last = Last {
+                word: last,
+                alone,
+                moves: is_rate,
+            };
+            by_word(last, &has, moves, loads)
+        }
     }
 }
 
 fn of_time(own: &[String], last: &str, alone: bool) -> Option<Meaning> {
     // LabVIEW's name for what runs along the first axis.
-    let timely = own.iter().any(|w| is_time(w)) || own == ["x", "value"];
+    let timely = tells_time(own) || own == ["x", "value"];
     Some(match last {
         "frame" | "frames" | "sample" | "index" if alone || own.len() == 2 => Frame,
         "frame" | "frameno" | "framenumber" | "framenr" => Frame,
@@ -184,13 +196,17 @@ fn quaternion(last: &str, has: &dyn Fn(&str) -> bool, letter: Option<&str>) -> O
     (rotated && !has("angular velocity rate")).then_some(Quaternion(c))
 }
 
-fn by_word(
-    last: &str,
-    has: &dyn Fn(&str) -> bool,
-    moves: bool,
-    loads: bool,
+/// The last word of a name.
+struct Last<'a> {
+    word: &'a str,
+    /// No other word stands before it.
     alone: bool,
-) -> Meaning {
+    /// Another word says that it is a velocity.
+    moves: bool,
+}
+
+fn by_word(last: Last<'_>, has: &dyn Fn(&str) -> bool, moves: bool, loads: bool) -> Meaning {
+    let alone = last.alone;
     let rate = has("rate rates dot speed velocity vel gyro angular");
     let dof = ["surge", "sway", "heave"].iter().position(|w| has(w));
     let angle = ["roll phi", "pitch theta", "yaw psi"]
@@ -211,7 +227,7 @@ fn by_word(
             Companion(place)
         };
     }
-    if last == "rpm" {
+    if last.word == "rpm" {
         return Companion("shaft_radps");
     }
     if has("pwm pulse") {
@@ -224,16 +240,17 @@ fn by_word(
         (None, Some(a)) if loads => Load(3 + a),
         (None, Some(a)) if rate => Channel(9 + a),
         (None, Some(a)) => Channel(3 + a),
-        (None, None) => match last {
-            "u" | "v" | "w" if alone || moves => {
-                Channel(6 + usize::from(last != "u") + usize::from(last == "w"))
+        (None, None) => match last.word {
+            "u" | "v" | "w" if alone || last.moves => {
+                Channel(6 + usize::from(last.word != "u") + usize::from(last.word == "w"))
             }
             "p" | "q" | "r" if alone || rate => {
-                Channel(9 + usize::from(last != "p") + usize::from(last == "r"))
+                Channel(9 + usize::from(last.word != "p") + usize::from(last.word == "r"))
             }
             "depth" => Depth,
             "height" | "altitude" | "alt" => Height,
-            "f" | "force" | "thrust" | "kraft" => Load(0),
+            "f" if alone => Load(0),
+            "force" | "thrust" | "kraft" => Load(0),
             "position" | "pos" | "displacement" | "distance" | "weg" | "way" | "travel"
                 if alone =>
             {
@@ -278,6 +295,16 @@ mod tests {
             ("Frame", "", Frame),
             ("Residual", "", Aside),
             ("banana", "", Unknown),
+            ("Battery V", "", Unknown),
+            ("Supply W", "", Unknown),
+            ("Valve R", "", Unknown),
+            ("Water F", "", Unknown),
+            ("Water T", "", Unknown),
+            ("velocity_v", "", Channel(7)),
+            ("u", "Body Velocity", Channel(6)),
+            ("Roll °", "", Channel(3)),
+            ("yaw rate °/s", "", Channel(11)),
+            ("t_ms", "", Time),
         ] {
             // A commanded velocity is no load; that it is a command is what counts here.
             let found = meaning(name, group);

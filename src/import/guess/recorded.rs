@@ -407,7 +407,10 @@ pub fn guess_recording(recording: &Recording) -> Result<Result<Guess, GuessError
             .map(|t| format!("{} ({})", t.topic, t.schema))
             .collect::<Vec<_>>()
             .join(" | ");
-        return Ok(Err(GuessError::NoMotion { columns }));
+        return Ok(Err(GuessError::NoMotion {
+            columns,
+            hint: String::new(),
+        }));
     }
     let first = Open {
         in_tank: false,

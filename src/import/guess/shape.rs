@@ -4,8 +4,8 @@ use super::head::Head;
 use super::stats::Stats;
 use crate::cells::Splitter;
 use crate::map::{FileMap, Separator};
-use crate::number::{number, surely_grouped_by};
-use crate::unit;
+use crate::number::{number, says_nothing, surely_grouped_by};
+use crate::{stamp, unit, widths};
 
 mod unit_text;
 pub(super) use unit_text::is_unit;
@@ -130,17 +130,68 @@ fn is_number(cell: &str, decimal: char) -> bool {
 /// Numbers and words of a line.
 fn count(cells: &[String], decimal: char) -> (usize, usize) {
     let numbers = cells.iter().filter(|c| is_number(c, decimal)).count();
-    let is_word = |c: &&String| {
-        !c.is_empty() && !is_number(c, decimal) && !is_stamp(c) && !c.eq_ignore_ascii_case("nan")
-    };
+    let is_word =
+        |c: &&String| !c.is_empty() && !is_number(c, decimal) && !is_stamp(c) && !says_nothing(c);
     (numbers, cells.iter().filter(is_word).count())
 }
 
 /// Digits with signs between them, as dates and clocks have.
 fn is_stamp(cell: &str) -> bool {
-    cell.contains([':', '/', '-'])
+    let with_signs = cell.contains([':', '/', '-'])
         && cell.starts_with(|c: char| c.is_ascii_digit())
-        && cell.chars().filter(char::is_ascii_digit).count() >= 4
+        && cell.chars().filter(char::is_ascii_digit).count() >= 4;
+    with_signs || stamp::parse(cell).is_some()
+}
+
+/// A line of the head: number, cells, and whether it is a note.
+type Row = (u64, Vec<String>, bool);
+
+/// Columns in which nearly every one of the last rows holds a number or a stamp.
+fn filled(rows: &[Row], decimal: char) -> Vec<usize> {
+    let judged: Vec<&Vec<String>> = rows
+        .iter()
+        .rev()
+        .filter(|r| !r.2)
+        .take(ROWS_JUDGED)
+        .map(|r| &r.1)
+        .collect();
+    let width = judged.iter().map(|r| r.len()).max().unwrap_or(0);
+    let holds = |row: &Vec<String>, i: usize| {
+        row.get(i)
+            .is_some_and(|c| is_number(c, decimal) || is_stamp(c))
+    };
+    (0..width)
+        .filter(|i| {
+            let without = judged.iter().filter(|r| !holds(r, *i)).count();
+            20 * without <= judged.len()
+        })
+        .collect()
+}
+
+/// Whether a row is one of data, however little it holds: where columns of numbers are, it has numbers or nothing.
+fn is_sparse_data(row: &[String], filled: &[usize], decimal: char) -> bool {
+    let cells = filled.iter().filter_map(|i| row.get(*i));
+    let (mut values, mut words) = (0, 0);
+    for cell in cells {
+        if is_number(cell, decimal) || is_stamp(cell) {
+            values += 1;
+        } else if !says_nothing(cell) {
+            words += 1;
+        }
+    }
+    values > 0 && words == 0
+}
+
+/// Widths of a table of blanks in which numbers run together: some lines have fewer cells than the others and are as long.
+fn run_together(head: &Head, rows: &[Row], cells: usize) -> Option<Vec<usize>> {
+    let lines = || rows.iter().filter(|r| !r.2).map(|r| head.line(r.0));
+    let seen = widths::seen(lines(), cells)?;
+    let all = seen.iter().sum::<usize>();
+    let together = rows
+        .iter()
+        .filter(|r| !r.2 && r.1.len() < cells)
+        .any(|r| head.line(r.0).trim_end().chars().count() == all);
+    together.then_some(seen)
 }
 
 fn is_note(line: &str) -> bool {
@@ -193,7 +244,7 @@ fn separator(lines: &[(u64, String)]) -> Option<(Separator, char)> {
 pub(super) fn plain(head: &Head) -> Option<Shape> {
     let (separator, decimal) = separator(&head.lines)?;
     let mut file = file(head, separator, decimal);
-    let rows: Vec<(u64, Vec<String>, bool)> = head
+    let rows: Vec<Row> = head
         .lines
         .iter()
         .map(|(n, l)| (*n, cells(separator, l), is_note(l)))
@@ -226,9 +277,18 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
                 || 4 * after.clone().filter(|o| fits(&o.1)).count() > 3 * after.count()
         }
     })?;
-    let before: Vec<&(u64, Vec<String>, bool)> = rows[..first].iter().collect();
+    // Rows that begin a recording may hold little more than their time.
+    let filled = filled(&rows[first..], decimal);
+    let mut first = first;
+    while let Some(before) = rows[..first].iter().rposition(|r| !r.2)
+        && rows[before].1.len() + 1 >= width
+        && is_sparse_data(&rows[before].1, &filled, decimal)
+    {
+        first = before;
+    }
+    let before: Vec<&Row> = rows[..first].iter().collect();
     let text = |row: &[String]| row.iter().filter(|c| !c.is_empty()).count();
-    let full = |r: &&&(u64, Vec<String>, bool)| !r.2 && 2 * text(&r.1) >= width.min(4);
+    let full = |r: &&&Row| !r.2 && 2 * text(&r.1) >= width.min(4);
     let mut above = before.iter().rev().filter(full);
     let is_units = |row: &[String]| {
         let named: Vec<&String> = row.iter().filter(|c| !c.is_empty()).collect();
@@ -262,7 +322,7 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
         }
     }
     let comment = COMMENTS.iter().find(|c| {
-        let begins = |r: &(u64, Vec<String>, bool)| head.line(r.0).trim_start().starts_with(*c);
+        let begins = |r: &Row| head.line(r.0).trim_start().starts_with(*c);
         rows.iter()
             .any(|r| begins(r) && names.is_none_or(|n| n.0 != r.0))
     });
@@ -291,6 +351,24 @@ pub(super) fn plain(head: &Head) -> Option<Shape> {
         }
     }
     let mut remarks = Vec::new();
+    let most = rows[first..].iter().filter(|r| !r.2).map(|r| r.1.len());
+    let most = most.max().unwrap_or(0);
+    let named_cells = names.map_or(most, |n| n.1.len());
+    if separator == Separator::Blanks
+        && let Some(widths) = run_together(head, &rows[first..], named_cells)
+            .or_else(|| run_together(head, &rows[first..], most))
+    {
+        remarks.push(
+            "numbers run together in some lines: columns are read by their widths".to_owned(),
+        );
+        if let Some(n) = names {
+            let own = widths::names(head.line(n.0), &widths);
+            if own.len() != columns.len() {
+                columns = own.iter().map(|name| named(name)).collect();
+            }
+        }
+        (file.separator, file.widths) = (None, widths);
+    }
     let data = rows[first..].iter().filter(|r| !r.2).flat_map(|r| &r.1);
     let grouped = |c: &String| Some((surely_grouped_by(c, decimal)?, c.clone()));
     if let Some((mark, cell)) = data.filter_map(grouped).next() {

@@ -2,14 +2,15 @@
 
 use super::Draft;
 use super::meaning::Words;
+use super::meaning::written::{self, unit_text};
 use super::meaning::{Meaning, meaning};
 use super::shape::Shape;
 use super::stats::{Column, Stats};
-use crate::stamp::{self, Pattern, Stamp};
+use crate::stamp::{self, Instant, Pattern, Stamp, Zone};
 use crate::unit::{self, Dimension};
 
 /// Patterns that people and programs write; several may fit one file.
-const PATTERNS: [&str; 16] = [
+const PATTERNS: [&str; 20] = [
     "%d.%m.%Y %H:%M:%S%.f",
     "%Y/%m/%d %H:%M:%S%.f",
     "%m/%d/%Y %I:%M:%S%.f %p",
@@ -25,6 +26,10 @@ const PATTERNS: [&str; 16] = [
     "%Y%m%d %H%M%S%.f",
     "%H:%M:%S%.f",
     "%I:%M:%S%.f %p",
+    "%M:%S%.f",
+    "%H:%M:%S:%3f",
+    "%Y-%m-%d %H:%M:%S:%3f",
+    "%a, %d %b %Y %H:%M:%S%.f %z",
     "0 days %H:%M:%S%.f",
 ];
 /// Rates that instruments are set to \[Hz\].
@@ -35,6 +40,9 @@ const RATES: [f64; 26] = [
 const RATES_FAST: [f64; 10] = [
     250.0, 256.0, 300.0, 360.0, 400.0, 500.0, 512.0, 1000.0, 1024.0, 2000.0,
 ];
+
+/// Columns that an error names.
+const COLUMNS_NAMED: usize = 4;
 
 /// Table `[time]` of the guessed map.
 #[derive(Debug, Clone, Default)]
@@ -59,7 +67,7 @@ impl Time {
 pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
     let of = |m: Meaning| -> Vec<usize> {
         (0..shape.columns.len())
-            .filter(|i| meaning(&shape.columns[*i].name, &shape.columns[*i].group) == m)
+            .filter(|i| means(shape, *i) == m)
             .collect()
     };
     let numeric = |i: &usize| stats.columns.get(*i).is_some_and(Column::is_numeric);
@@ -133,16 +141,56 @@ pub(super) fn find(shape: &Shape, stats: &Stats) -> Option<Time> {
             )],
         });
     }
-    // A first column that only goes up, whatever its name.
+    // One that is named and cannot be read has none in its place.
+    if !named.is_empty() {
+        return None;
+    }
+    // A first column that goes on evenly and whose name says nothing else.
     let first = (0..stats.columns.len().min(3)).find(|i| {
         let c = &stats.columns[*i];
-        c.ascends() && c.numbers + 1 >= c.rows() && c.numbers > 3
+        let is_unknown = written::column(&shape.columns[*i]).is() == Some(Meaning::Unknown);
+        is_unknown && c.goes_on_evenly() && c.numbers + 1 >= c.rows() && c.numbers > 3
     });
     if let Some(i) = first {
         return Some(number(shape, stats, i, false));
     }
     (0..stats.columns.len().min(4))
         .find_map(|i| stamps(shape, stats, &[i + 1], i).or_else(|| stamps(shape, stats, &[], i)))
+}
+
+/// Meaning of a column's name; one in a unit of something else is no time.
+fn means(shape: &Shape, i: usize) -> Meaning {
+    let named = &shape.columns[i];
+    let own = meaning(&named.name, &named.group);
+    let other = unit_text(named).is_some_and(|u| unit::find(Dimension::Time, u).is_none());
+    match own {
+        Meaning::Time if other => Meaning::Unknown,
+        own => own,
+    }
+}
+
+/// Columns among the first, or named a time, that hold neither numbers nor stamps of a known form, with a cell of each; empty = there are none.
+pub(super) fn unread(shape: &Shape, stats: &Stats) -> String {
+    let is_unread = |i: &usize| {
+        let c = &stats.columns[*i];
+        c.words > 0 && !c.is_numeric() && (*i < COLUMNS_NAMED || means(shape, *i) == Meaning::Time)
+    };
+    let unread = (0..stats.columns.len().min(shape.columns.len())).filter(is_unread);
+    let words: Vec<String> = unread
+        .take(COLUMNS_NAMED)
+        .map(|i| {
+            let cell = stats.columns[i].word.as_deref().unwrap_or_default();
+            let cell: String = cell.chars().take(40).collect();
+            format!("{} holds '{cell}'", shape.words(i))
+        })
+        .collect();
+    if words.is_empty() {
+        return String::new();
+    }
+    format!(
+        "; neither numbers nor stamps of a form that is known: {}",
+        words.join(", ")
+    )
 }
 
 fn seconds_and_nanoseconds(shape: &Shape, stats: &Stats, s: usize, ns: usize) -> Time {
@@ -279,12 +327,16 @@ fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
             .collect();
         crate::check::quantile(&mut steps, 0.5).unwrap_or(1.0)
     };
-    let iso: Option<Vec<(i128, stamp::Zone)>> = texts.iter().map(|t| stamp::parse(t)).collect();
+    let iso: Option<Vec<Instant>> = texts.iter().map(|t| stamp::parse(t)).collect();
     if let Some(iso) = iso {
-        let ns: Vec<i128> = iso.iter().map(|s| s.0).collect();
+        let ns: Vec<i128> = iso.iter().map(|s| s.ns).collect();
         let mut questions = Vec::new();
-        if iso[0].1.is_none() {
-            questions.push("stamps carry no zone: read as UTC".to_owned());
+        match &iso[0].zone {
+            Zone::Offset(_) => {}
+            Zone::Open => questions.push("stamps carry no zone: read as UTC".to_owned()),
+            Zone::Named(name) => questions.push(format!(
+                "stamps are in the zone '{name}', which states no offset: utc_offset = \"+hh:mm\" says it"
+            )),
         }
         return Some((
             vec!["unit = \"iso8601\"".to_owned()],
@@ -298,7 +350,7 @@ fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
             .iter()
             .map(|t| {
                 pattern.parse(t).map(|s| match s {
-                    Stamp::Date(ns, _) | Stamp::OfDay(ns) => ns,
+                    Stamp::Date(Instant { ns, .. }) | Stamp::Clock { ns, .. } => ns,
                 })
             })
             .collect();
@@ -317,7 +369,7 @@ fn pattern(texts: &[String]) -> Option<(Vec<String>, Vec<String>, f64)> {
             "day and month could be the other way round: format = \"{other}\" reads every stamp too"
         ));
     }
-    if format.contains("%Y") || format.contains("%y") {
+    if (format.contains("%Y") || format.contains("%y")) && !format.contains("%z") {
         questions.push("stamps carry no zone: read as UTC".to_owned());
     }
     Some((
@@ -340,6 +392,15 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
             "{} only goes up: taken for the time",
             shape.words(i)
         ));
+    }
+    if let Some(carry) = column.clock.carry() {
+        time.questions.push(format!(
+            "{} is followed by {}: clocks as hhmmss, no count",
+            carry.numbers[0], carry.numbers[1]
+        ));
+        time.keys.push(format!("format = \"{}\"", carry.format));
+        time.interval_s = column.step;
+        return time;
     }
     let own = &shape.columns[i];
     let written = own
@@ -369,7 +430,7 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
         time.questions.push("seconds since 1904, as LabVIEW counts them, in UTC; since 1970 they would be beyond 2066".to_owned());
     }
     time.keys.push(format!("unit = \"{unit}\""));
-    time.interval_s = column.step * factor;
+    time.interval_s = column.group_step * factor;
     if !matches!(unit, "matlab_days" | "spreadsheet_days" | "labview_s")
         && column.low * factor > 3e8
         && column.high * factor < 4e9
@@ -390,7 +451,9 @@ fn turns(column: &Column, time: &mut Time) {
     }
     let bits = [16, 24, 32, 48].into_iter().find(|b| {
         let full = 2f64.powi(*b);
-        column.high < full && column.back_most > 0.5 * full && column.low >= 0.0
+        // One that ends far from its last count was started anew.
+        let ends = 0.9 * full..full;
+        ends.contains(&column.high) && column.back_most > 0.5 * full && column.low >= 0.0
     });
     match bits {
         Some(bits) if column.whole => {
@@ -401,7 +464,7 @@ fn turns(column: &Column, time: &mut Time) {
             time.keys.push(format!("unwrap = {bits}"));
         }
         _ => time.questions.push(format!(
-            "time goes back {} time(s), by {} at most",
+            "time goes back {} time(s), by {} at most; where its clock was started anew, boot = 2 takes the second run",
             column.back, column.back_most
         )),
     }
@@ -410,6 +473,11 @@ fn turns(column: &Column, time: &mut Time) {
 /// Stamps that repeat because they are rounded.
 fn rounded(column: &Column, factor: f64, time: &mut Time) {
     let span_s = (column.last - column.first) * factor;
+    if span_s <= 0.0 {
+        time.questions
+            .push(format!("{} stamps repeat the one before", column.repeats));
+        return;
+    }
     let rate_hz = (column.numbers - 1) as f64 / span_s;
     // Both ends may be rounded.
     let uncertain_hz = rate_hz * 2.0 * column.step * factor / span_s;

@@ -85,7 +85,7 @@ pub(super) fn write(
         session: session(&relation, motion, commands),
         build,
     };
-    let mut log = FileRecorder::create(out, false, head, WriteSettings::offline(None))?;
+    let mut log = FileRecorder::create_whole(out, false, head, WriteSettings::offline(None))?;
     let mut still = StillWatch::default();
     let mut joined = Joined {
         relation,

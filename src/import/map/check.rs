@@ -6,15 +6,19 @@ use std::fmt::Display;
 
 use hydroline_core::run::Channel;
 
-use super::raw::{RawChannel, RawColumn, RawCommand, RawFile, RawMap, RawQuaternion};
+use super::raw::{
+    RawCell, RawChannel, RawColumn, RawCommand, RawFile, RawMap, RawMissing, RawQuaternion,
+};
 use super::{
     Axes, Between, COMPANIONS, ChannelMap, Column, CommandMap, Encoding, FileMap, Map, MapError,
-    Missing, Origin, PLACES, QuaternionMap, Separator, place_name,
+    Missing, MissingValues, Origin, PLACES, QuaternionMap, Separator, place_name,
 };
 use crate::unit::{self, Dimension};
 
 /// Columns that a table has at most: more is another file.
 const COLUMNS_MAX: u32 = 100_000;
+/// Characters that a column of fixed width has at most: no number is longer.
+const WIDTH_MAX: u32 = 1000;
 
 pub(super) struct Checker<'a> {
     pub file: &'a str,
@@ -134,7 +138,7 @@ impl Checker<'_> {
         };
         if !matches!(decimal, '.' | ',')
             || separator == Some(Separator::Byte(decimal as u8))
-            || (separator.is_none() && decimal == ',')
+            || (separator.is_none() && raw.widths.is_none() && decimal == ',')
         {
             let given = format!(
                 "separator {} decimal {decimal}",
@@ -145,6 +149,29 @@ impl Checker<'_> {
                 given,
                 "the decimal sign is . or , and differs from the separator, an ASCII character",
             );
+        }
+        let widths = raw.widths.as_deref();
+        if let Some(widths) = widths {
+            let given = format!("{widths:?}");
+            if separator.is_some() {
+                return self.bad(
+                    "file.widths",
+                    given,
+                    "file.separator is given too: columns have fixed widths or something between them",
+                );
+            }
+            if widths.is_empty()
+                || widths.len() > COLUMNS_MAX as usize
+                || widths.iter().any(|w| !(1..=WIDTH_MAX).contains(w))
+            {
+                return self.bad(
+                    "file.widths",
+                    given,
+                    format!(
+                        "it lists the characters of each column from the left, 1 .. {WIDTH_MAX}: [9, 9, 12]"
+                    ),
+                );
+            }
         }
         if let Some(mark) = raw.thousands
             && (!matches!(mark, ',' | '.' | '\'' | ' ')
@@ -232,6 +259,7 @@ impl Checker<'_> {
         }
         Ok(FileMap {
             separator,
+            widths: widths.map_or_else(Vec::new, |w| w.iter().map(|w| *w as usize).collect()),
             decimal,
             thousands: raw.thousands,
             encoding,
@@ -307,15 +335,40 @@ impl Checker<'_> {
         }
     }
 
-    fn missing_value(&self, key: &str, raw: Option<f64>) -> Result<Option<f64>, MapError> {
-        match raw {
-            Some(v) if !v.is_finite() => self.bad(
-                format!("{key}.missing_value"),
-                v,
-                "it is a number; cells with nan are empty without it",
-            ),
-            other => Ok(other),
+    fn missing_values(
+        &self,
+        key: &str,
+        raw: Option<RawMissing>,
+    ) -> Result<MissingValues, MapError> {
+        let cells = match raw {
+            None => Vec::new(),
+            Some(RawMissing::One(one)) => vec![one],
+            Some(RawMissing::Each(several)) => several,
+        };
+        let mut out = MissingValues::default();
+        for cell in cells {
+            match cell {
+                RawCell::Number(v) if v.is_finite() => out.numbers.push(v),
+                RawCell::Text(text) if !text.trim().is_empty() => {
+                    out.texts.push(text.trim().to_owned());
+                }
+                RawCell::Number(v) => {
+                    return self.bad(
+                        format!("{key}.missing_value"),
+                        v,
+                        "cells with nan or inf are empty without it: missing = \"skip\" is enough",
+                    );
+                }
+                RawCell::Text(text) => {
+                    return self.bad(
+                        format!("{key}.missing_value"),
+                        text,
+                        "it is a number or a text; empty cells are empty without it: missing = \"skip\" is enough",
+                    );
+                }
+            }
         }
+        Ok(out)
     }
 
     fn factor(&self, key: &str, sign: Option<f64>, scale: Option<f64>) -> Result<f64, MapError> {
@@ -376,7 +429,7 @@ impl Checker<'_> {
             offset,
             sd: raw.sd,
             missing: self.missing(&key, raw.missing.as_deref())?,
-            missing_value: self.missing_value(&key, raw.missing_value)?,
+            missing_values: self.missing_values(&key, raw.missing_value)?,
             in_tank,
         })
     }
@@ -422,7 +475,7 @@ impl Checker<'_> {
             wxyz,
             axes,
             missing: self.missing("quaternion", raw.missing.as_deref())?,
-            missing_value: self.missing_value("quaternion", raw.missing_value)?,
+            missing_values: self.missing_values("quaternion", raw.missing_value)?,
         })
     }
 
@@ -471,7 +524,7 @@ impl Checker<'_> {
             pulse,
             between,
             missing: self.missing(&key, raw.missing.as_deref())?,
-            missing_value: self.missing_value(&key, raw.missing_value)?,
+            missing_values: self.missing_values(&key, raw.missing_value)?,
         })
     }
 }

@@ -24,11 +24,32 @@ pub enum RawUnits {
     Each(Vec<String>),
 }
 
+/// A cell that stands for nothing measured.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a number, or a text as it stands in the cell")]
+pub enum RawCell {
+    /// Compared as a number.
+    Number(f64),
+    /// Compared as a text.
+    Text(String),
+}
+
+/// One such cell or several.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "a number, a text, or a list of them")]
+pub enum RawMissing {
+    /// The only one.
+    One(RawCell),
+    /// Any of these.
+    Each(Vec<RawCell>),
+}
+
 /// `[file]`
 #[derive(Debug, Clone, PartialEq, Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub struct RawFile {
     pub separator: Option<String>,
+    pub widths: Option<Vec<u32>>,
     pub decimal: Option<char>,
     pub thousands: Option<char>,
     pub encoding: Option<String>,
@@ -54,6 +75,8 @@ pub struct RawTime {
     pub unwrap: Option<u32>,
     pub clock: Option<String>,
     pub start_unix_s: Option<f64>,
+    pub boot: Option<u32>,
+    pub utc_offset: Option<String>,
     pub from_s: Option<f64>,
     pub to_s: Option<f64>,
     pub compare_column: Option<RawColumn>,
@@ -73,7 +96,7 @@ pub struct RawChannel {
     pub offset: Option<f64>,
     pub sd: Option<f64>,
     pub missing: Option<String>,
-    pub missing_value: Option<f64>,
+    pub missing_value: Option<RawMissing>,
     pub frame: Option<String>,
 }
 
@@ -85,7 +108,7 @@ pub struct RawQuaternion {
     pub order: String,
     pub axes: Option<String>,
     pub missing: Option<String>,
-    pub missing_value: Option<f64>,
+    pub missing_value: Option<RawMissing>,
 }
 
 /// `[[command]]`
@@ -102,7 +125,7 @@ pub struct RawCommand {
     pub offset: Option<f64>,
     pub between: Option<String>,
     pub missing: Option<String>,
-    pub missing_value: Option<f64>,
+    pub missing_value: Option<RawMissing>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]

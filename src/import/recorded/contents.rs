@@ -34,6 +34,9 @@ pub struct TopicContents {
     pub messages: u64,
     /// Of them, those with a stamp of their own.
     pub stamped: u64,
+    /// Messages with a stamp of 0 where no other stamp is near: it was never set.
+    #[serde(skip)]
+    pub(super) zero_stamps: u64,
     /// First and last time: when recorded, or by their stamps where the log has nothing else \[ns\].
     pub first_ns: Option<i64>,
     /// The last.
@@ -59,12 +62,50 @@ pub struct Contents {
     pub skipped_bytes: u64,
 }
 
+/// A stamp of 0 begins a clock if the next one is no more mean intervals away.
+const BEGINS_INTERVALS: f64 = 3.0;
+
+/// Stamps of a topic other than 0: how many, the first and the last of them \[ns\].
+#[derive(Default)]
+struct Stamps {
+    zeros: u64,
+    others: u64,
+    ends_ns: Option<(i128, i128)>,
+}
+
+impl Stamps {
+    fn add(&mut self, stamp_ns: Option<i128>) {
+        match stamp_ns {
+            None => {}
+            Some(0) => self.zeros += 1,
+            Some(ns) => {
+                self.others += 1;
+                let (first, last) = self.ends_ns.unwrap_or((ns, ns));
+                self.ends_ns = Some((first.min(ns), last.max(ns)));
+            }
+        }
+    }
+
+    /// Zeros that are no stamps: all but a single one from which the clock goes on.
+    fn never_set(&self) -> u64 {
+        let Some((first_ns, last_ns)) = self.ends_ns else {
+            return self.zeros;
+        };
+        let intervals = self.others.saturating_sub(1).max(1) as f64;
+        let interval_ns = (last_ns - first_ns) as f64 / intervals;
+        let begins =
+            self.zeros == 1 && (0.0..=BEGINS_INTERVALS * interval_ns).contains(&(first_ns as f64));
+        if begins { 0 } else { self.zeros }
+    }
+}
+
 #[derive(Default)]
 pub(super) struct Gather {
     topics: Vec<TopicContents>,
     places: HashMap<String, usize>,
     /// Paths seen, per topic, and how many numbers its messages had at most.
     seen: Vec<(HashMap<String, ()>, usize)>,
+    stamps: Vec<Stamps>,
     messages: u64,
 }
 
@@ -82,6 +123,7 @@ impl Gather {
             ..TopicContents::default()
         });
         self.seen.push((HashMap::new(), 0));
+        self.stamps.push(Stamps::default());
         self.places.insert(topic.to_owned(), self.topics.len() - 1);
         Some(self.topics.len() - 1)
     }
@@ -100,7 +142,12 @@ impl Gather {
     }
 
     pub fn finish(mut self, kind: &'static str, account: Account) -> Contents {
-        for t in &mut self.topics {
+        for (t, stamps) in self.topics.iter_mut().zip(&self.stamps) {
+            t.zero_stamps = stamps.never_set();
+            let first_ns = stamps.ends_ns.and_then(|e| i64::try_from(e.0).ok());
+            if stamps.zeros > t.zero_stamps && t.first_ns == first_ns {
+                t.first_ns = Some(0);
+            }
             if let (Some(first), Some(last)) = (t.first_ns, t.last_ns) {
                 let span_s = last.saturating_sub(first) as f64 / 1e9;
                 t.rate_hz =
@@ -118,6 +165,10 @@ impl Gather {
 }
 
 impl Sink for Gather {
+    fn checks_images(&self) -> bool {
+        true
+    }
+
     fn wants(&mut self, topic: &str, _: &str, bytes: usize) -> bool {
         let place = self.places.get(topic);
         bytes <= LARGE_BYTES || place.is_none_or(|p| self.topics[*p].messages < LARGE_LOOKED_AT)
@@ -125,10 +176,13 @@ impl Sink for Gather {
 
     fn message(&mut self, message: &Message<'_>) -> io::Result<()> {
         let place = self.place(message.topic, message.schema);
-        self.count(place, message.log_ns);
+        // Where the log has nothing else, its times are the stamps.
+        let log_ns = message.log_ns.filter(|ns| *ns != 0);
+        self.count(place, log_ns);
         let Some(place) = place else {
             return Ok(());
         };
+        self.stamps[place].add(message.stamp_ns);
         let topic = &mut self.topics[place];
         topic.stamped += u64::from(message.stamp_ns.is_some());
         let (seen, most) = &mut self.seen[place];
@@ -202,10 +256,14 @@ impl fmt::Display for Contents {
                 (s, m) if s < m => ", some without a stamp of their own",
                 _ => "",
             };
+            let zeros = match t.zero_stamps {
+                0 => String::new(),
+                n => format!(", {n} with the stamp 0, never set"),
+            };
             let (topic, schema, count) = (&t.topic, &t.schema, t.messages);
             line(
                 f,
-                format_args!("  {topic}  {schema}  {count} messages{rate}{stamps}"),
+                format_args!("  {topic}  {schema}  {count} messages{rate}{stamps}{zeros}"),
             )?;
             let fields = match t.fields.as_slice() {
                 [] => "no numbers".to_owned(),

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use super::head::head;
 use super::message::{Account, Leaves, Message, Number, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
 use super::window::{NO_RECORD, each_record};
+use hydroline_log::foreign;
 
 const HEAD: [u8; 2] = [0xa3, 0x95];
 const FORMAT_TYPE: u8 = 0x80;
@@ -187,10 +189,39 @@ fn usual_instance(format: &Format) -> Option<&str> {
         .then_some(first.name.as_str())
 }
 
-pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+/// Whether a record is the format of formats, with which a log begins.
+fn begins_log(record: &[u8]) -> bool {
+    record.len() == FORMAT_BYTES
+        && record[..2] == HEAD
+        && record[2..4] == [FORMAT_TYPE; 2]
+        && usize::from(record[4]) == FORMAT_BYTES
+}
+
+/// Formats that stand in the head of a log, the first of each type: records may come before theirs. With them the zeros before
+/// the format of formats \[bytes\]: space that was never written, where nothing else stands.
+fn formats_ahead(head: &[u8]) -> (Learnt, usize) {
     let mut learnt = Learnt::default();
+    let mut at = 0;
+    while let Some(record) = head.get(at..at + FORMAT_BYTES) {
+        let is_format = record[..2] == HEAD && record[2] == FORMAT_TYPE;
+        let is_new = is_format && !learnt.formats.contains_key(&record[3]);
+        let taken = is_new && learnt.format(record);
+        at += if taken { FORMAT_BYTES } else { 1 };
+    }
+    let zeros = head.iter().take_while(|b| **b == 0).count();
+    let is_beginning = head
+        .get(zeros..zeros + FORMAT_BYTES)
+        .is_some_and(begins_log);
+    (learnt, if is_beginning { zeros } else { 0 })
+}
+
+pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+    let (mut learnt, zeros) = formats_ahead(&head(path, foreign::HEAD_BYTES)?);
     let mut leaves = Leaves::default();
     each_record(path, |window, _, _| {
+        if window.offset == 0 && zeros > 0 {
+            return Ok(Ok(zeros));
+        }
         let head = window.ahead(3)?;
         let &[.., kind] = head else {
             return Ok(Err(NO_RECORD));

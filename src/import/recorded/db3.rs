@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use hydroline_log::image_damage;
 use rusqlite::{Connection, OpenFlags};
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
@@ -109,6 +110,12 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             });
             continue;
         };
+        if sink.checks_images()
+            && let Some(damage) = image_damage(&topic.schema, "cdr", data)
+        {
+            let what = format!("images of {}", topic.name);
+            account.note(&what, last, || damage.to_string());
+        }
         if !sink.wants(&topic.name, &topic.schema, data.len()) {
             sink.other(&topic.name, &topic.schema, log_ns);
             continue;

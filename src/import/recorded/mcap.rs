@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use hydroline_log::{RawMessage, RawReader, RawSchema};
+use hydroline_log::{RawMessage, RawReader, RawSchema, image_damage};
 use prost_reflect::MessageDescriptor;
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
@@ -88,6 +88,12 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         });
         if channel.schema.starts_with("hydroline.") {
             return Err(RecordedError::Ours);
+        }
+        if sink.checks_images()
+            && let Some(damage) = image_damage(&channel.schema, &message.encoding, &message.data)
+        {
+            let what = format!("images of {}", message.topic);
+            account.note(&what, message.offset, || damage.to_string());
         }
         let log_ns = Some(i128::from(message.log_ns));
         if !sink.wants(&message.topic, &channel.schema, message.data.len()) {

@@ -176,6 +176,10 @@ pub(super) trait Sink {
     fn wants(&mut self, topic: &str, schema: &str, bytes: usize) -> bool;
     /// A message that was wanted.
     fn message(&mut self, message: &Message<'_>) -> io::Result<()>;
+    /// Whether images are held against damage: once for a log is enough.
+    fn checks_images(&self) -> bool {
+        false
+    }
     /// One that was not, or could not be decoded.
     fn other(&mut self, topic: &str, schema: &str, log_ns: Option<i128>);
 }
@@ -231,18 +235,24 @@ pub enum RecordedError {
     Ours,
     #[error("it is {what}, which is not read; {next}")]
     NotRead {
-        what: &'static str,
+        what: String,
         /// Way to a log that is read.
-        next: &'static str,
+        next: String,
     },
+    #[error(
+        "its incompatible flags are {flags:#x}, of which {known:#x} are known here: a later PX4 wrote it, and its records may mean something else; write it as tables with a reader that knows them (`pip install -U pyulog`, then `ulog2csv FILE`) and import those"
+    )]
+    Flags { flags: u64, known: u64 },
     #[error(
         "none of its {messages} message(s) can be read ({reasons}); check that it is the file meant, and whole"
     )]
     Nothing { messages: u64, reasons: String },
-    #[error(
-        "no message of it can be read; {damage}; `hydroline recover` writes what is sound into a new file"
-    )]
-    Damaged { damage: String },
+    #[error("no message of it can be read; {damage}; {next}")]
+    Damaged {
+        damage: String,
+        /// Way on, by the kind of log.
+        next: &'static str,
+    },
     #[error("no topic '{topic}' in it; name one of: {topics}")]
     Topic { topic: String, topics: String },
 }

@@ -10,14 +10,12 @@ use std::io::{self, BufWriter, Write};
 use super::columns::Columns;
 use super::contents::TopicContents;
 use super::message::{Message, Number, Sink};
+use super::order::{Cause, Times, follows};
 use crate::check::{Finding, FindingList};
 use crate::map::Missing;
 
 /// Topics that were recorded so far apart are still brought into order \[ns\].
 const WINDOW_NS: i128 = 2_000_000_000;
-/// A stamp that steps so much further than the log's own time, or back, orders nothing \[ns\]: it is wrong, or a clock was
-/// set.
-const STEP_NS: i128 = 60_000_000_000;
 /// Rows that wait at most.
 const ROWS_MAX: usize = 1 << 16;
 /// Name of the column of stamps, and of that of the times at which messages were recorded.
@@ -34,6 +32,15 @@ struct Row {
     cells: Vec<(usize, Number)>,
 }
 
+impl Row {
+    fn times(&self) -> Option<Times> {
+        Some(Times {
+            own_ns: self.own_key?,
+            log_ns: self.log_ns?,
+        })
+    }
+}
+
 /// Writes the table while the log is read.
 pub(super) struct Writer<'a, W: Write> {
     columns: Columns,
@@ -43,8 +50,10 @@ pub(super) struct Writer<'a, W: Write> {
     /// Column numbers of a topic.
     of_topic: HashMap<String, (usize, Vec<usize>)>,
     queues: Vec<VecDeque<Row>>,
-    /// Of each queue's newest row: what orders it, its own stamp, and when it was recorded.
-    last: Vec<Option<(i128, i128, i128)>>,
+    /// Of each queue's newest row: what orders it, and its times.
+    last: Vec<Option<(i128, Times)>>,
+    /// Of each queue, a row whose stamp went back: the next one tells whether its clock was started anew.
+    suspects: Vec<Option<Row>>,
     /// Last finite number of each column.
     held: Vec<Option<Number>>,
     waiting: usize,
@@ -52,6 +61,8 @@ pub(super) struct Writer<'a, W: Write> {
     /// A message without a stamp takes the time at which it was recorded, where that is the same clock.
     log_time_stands_in: bool,
     stood_in: HashMap<usize, u64>,
+    /// Messages with the stamp 0, which nobody set, by topic.
+    never_set: HashMap<usize, u64>,
     topics: &'a [TopicContents],
     cells: Vec<Option<Number>>,
     rows: u64,
@@ -96,6 +107,7 @@ impl<'a, W: Write> Writer<'a, W> {
             cells: vec![None; columns.wanted.len()],
             queues: own.iter().map(|_| VecDeque::new()).collect(),
             last: vec![None; own.len()],
+            suspects: own.iter().map(|_| None).collect(),
             held: vec![None; columns.wanted.len()],
             columns,
             out,
@@ -105,6 +117,7 @@ impl<'a, W: Write> Writer<'a, W> {
             newest: i128::MIN,
             log_time_stands_in,
             stood_in: HashMap::new(),
+            never_set: HashMap::new(),
             topics,
             rows: 0,
         })
@@ -154,6 +167,65 @@ impl<'a, W: Write> Writer<'a, W> {
         }
     }
 
+    /// A row whose stamp does not follow the one before waits for the next of its topic, which tells why. Before a clock that
+    /// was started anew all rows of the old one are written.
+    fn take(&mut self, queue: usize, row: Row) -> io::Result<()> {
+        let before_ns = self.last[queue].map(|l| l.1.own_ns);
+        if let Some(suspect) = self.suspects[queue].take() {
+            let cause = match (suspect.own_key, before_ns, row.own_key) {
+                (Some(suspect), Some(before), Some(next)) => Cause::of(suspect, before, next),
+                _ => Cause::Other,
+            };
+            match cause {
+                Cause::Restart => {
+                    self.drain(true)?;
+                    self.last.fill(None);
+                    self.newest = i128::MIN;
+                    for other in 0..self.queues.len() {
+                        if let Some(waiting) = self.suspects[other].take() {
+                            self.push(other, waiting);
+                        }
+                    }
+                    self.push(queue, suspect);
+                }
+                Cause::Wrong => self.push_wrong(queue, suspect),
+                Cause::Other => self.push(queue, suspect),
+            }
+        } else if let (Some(own), Some(before)) = (row.own_key, before_ns)
+            && !follows(own, before)
+        {
+            self.suspects[queue] = Some(row);
+            return Ok(());
+        }
+        self.push(queue, row);
+        self.drain(false)
+    }
+
+    /// A stamp orders its row where it went on from the one before, else the log's own time goes on.
+    fn push(&mut self, queue: usize, mut row: Row) {
+        row.key = match (row.times(), self.last[queue]) {
+            (Some(own), Some((key, before))) => Some(if own.goes_on_from(before) {
+                own.own_ns
+            } else {
+                key + own.log_ns - before.log_ns
+            }),
+            _ => row.own_key,
+        };
+        if let (Some(key), Some(own)) = (row.key, row.times()) {
+            self.last[queue] = Some((key, own));
+        }
+        self.newest = self.newest.max(row.log_ns.unwrap_or(i128::MIN));
+        self.queues[queue].push_back(row);
+        self.waiting += 1;
+    }
+
+    /// One absurd stamp must not hold up all that comes after it: its row stays behind the one before.
+    fn push_wrong(&mut self, queue: usize, mut row: Row) {
+        row.key = self.last[queue].map(|l| l.0);
+        self.queues[queue].push_back(row);
+        self.waiting += 1;
+    }
+
     fn write(&mut self, row: &Row) -> io::Result<()> {
         let out = &mut self.out;
         if let Some(ns) = row.stamp_ns {
@@ -181,6 +253,11 @@ impl<'a, W: Write> Writer<'a, W> {
 
     /// The rest of the rows: how many there are, and what was found.
     pub fn finish(mut self) -> io::Result<(u64, Vec<Finding>)> {
+        for queue in 0..self.queues.len() {
+            if let Some(suspect) = self.suspects[queue].take() {
+                self.push(queue, suspect);
+            }
+        }
         self.drain(true)?;
         self.out.flush()?;
         let mut findings = Vec::new();
@@ -191,6 +268,17 @@ impl<'a, W: Write> Writer<'a, W> {
                 "no_stamp",
                 format!(
                     "topic {}: {count} message(s) carry no stamp of their own: the time at which they were recorded stands in its place, and how long they were under way looks like a latency (all by that clock: time.column = \"{LOG_TIME}\")",
+                    self.topics[*topic].topic,
+                ),
+            );
+        }
+        let mut never_set: Vec<(&usize, &u64)> = self.never_set.iter().collect();
+        never_set.sort();
+        for (topic, count) in never_set {
+            findings.fault(
+                "zero_stamps",
+                format!(
+                    "topic {}: {count} message(s) have the stamp 0, which stands where none was ever set: when they were true is not known, and they are left out; import the others with --accept-faults",
                     self.topics[*topic].topic,
                 ),
             );
@@ -232,6 +320,16 @@ impl<W: Write> Sink for Writer<'_, W> {
         let Some((queue, own)) = self.of_topic.get(message.topic) else {
             return Ok(());
         };
+        let topic = self.columns.wanted[own[0]].topic;
+        let time_ns = if self.columns.by_log_time {
+            message.log_ns
+        } else {
+            message.stamp_ns
+        };
+        if time_ns == Some(0) && self.topics[topic].zero_stamps > 0 {
+            *self.never_set.entry(topic).or_default() += 1;
+            return Ok(());
+        }
         let several = self.queues.len() > 1;
         let mut cells = Vec::with_capacity(own.len());
         for (path, mut value) in message.leaves.numbers() {
@@ -261,7 +359,6 @@ impl<W: Write> Sink for Writer<'_, W> {
         if stamp_ns.is_none() && self.log_time_stands_in {
             stamp_ns = message.log_ns;
             if self.columns.has_stamp {
-                let topic = self.columns.wanted[own[0]].topic;
                 *self.stood_in.entry(topic).or_default() += 1;
             }
         }
@@ -271,29 +368,14 @@ impl<W: Write> Sink for Writer<'_, W> {
             stamp_ns
         };
         let queue = *queue;
-        // One absurd stamp must not hold up all that comes after it: a stamp orders its row where it went on from the one
-        // before as the log did, else the log's own time goes on.
-        let key = match (own_key, self.last[queue], message.log_ns) {
-            (Some(own), Some((key, before, then)), Some(now)) => {
-                let agrees = (own - before - (now - then)).abs() <= STEP_NS;
-                Some(if agrees { own } else { key + now - then })
-            }
-            _ => own_key,
-        };
-        if let (Some(key), Some(own), Some(now)) = (key, own_key, message.log_ns) {
-            self.last[queue] = Some((key, own, now));
-        }
-        self.newest = self.newest.max(message.log_ns.unwrap_or(i128::MIN));
         let row = Row {
-            key,
+            key: None,
             own_key,
             stamp_ns,
             log_ns: message.log_ns,
             cells,
         };
-        self.queues[queue].push_back(row);
-        self.waiting += 1;
-        self.drain(false)
+        self.take(queue, row)
     }
 
     fn other(&mut self, _: &str, _: &str, _: Option<i128>) {}

@@ -15,8 +15,8 @@ const STAMP_BYTES: usize = 8;
 const SIGNED: u8 = 1;
 const SIGNATURE_BYTES: usize = 13;
 const CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
-/// 2001 .. 2096: what a stamp can be \[us\].
-const STAMPS_US: std::ops::Range<u64> = 978_307_200_000_000..4_000_000_000_000_000;
+/// Latest stamp, the year 2096 \[us\]. A computer without a clock begins in 1970.
+const STAMP_MAX_US: u64 = 4_000_000_000_000_000;
 
 struct Known {
     name: &'static str,
@@ -107,7 +107,7 @@ fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>
         }
         _ => return None,
     };
-    if !STAMPS_US.contains(&time_us) {
+    if time_us > STAMP_MAX_US {
         return None;
     }
     let end = head + length;
@@ -130,16 +130,17 @@ fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>
     })
 }
 
+/// Whether bytes may begin a packet, as far as they go.
+fn may_begin(bytes: &[u8]) -> bool {
+    let Some((stamp, own)) = bytes.split_first_chunk::<STAMP_BYTES>() else {
+        return true;
+    };
+    let is_marker = own.first().is_none_or(|b| matches!(b, 0xfe | 0xfd));
+    is_marker && u64::from_be_bytes(*stamp) <= STAMP_MAX_US
+}
+
 /// A packet of a later protocol: stamp, head, 255 bytes, checksum, signature.
 const PACKET_BYTES_MAX: usize = STAMP_BYTES + 10 + 255 + 2 + SIGNATURE_BYTES;
-
-/// Whether a file begins like a telemetry log.
-pub(super) fn begins(head: &[u8]) -> bool {
-    packet(head, &table()).is_some_and(|p| {
-        let next = head.get(p.bytes + STAMP_BYTES);
-        p.sound == Some(true) || next.is_some_and(|b| matches!(b, 0xfe | 0xfd))
-    })
-}
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
     let known = table();
@@ -150,10 +151,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         let found = packet(ahead, &known).filter(|p| match p.sound {
             Some(sound) => sound,
             // Without a checksum that can be held against it, what follows must look like a packet.
-            None => {
-                let next = ahead.get(p.bytes + STAMP_BYTES);
-                next.is_none_or(|b| matches!(b, 0xfe | 0xfd))
-            }
+            None => ahead.get(p.bytes..).is_some_and(may_begin),
         });
         let Some(packet) = found else {
             return Ok(Err(|at| {

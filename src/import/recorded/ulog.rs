@@ -8,9 +8,12 @@ use super::packed::{self, Field, Kind};
 use super::stamps::counted;
 use super::window::{NO_RECORD, each_record};
 
-pub(super) const MAGIC: [u8; 7] = [0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35];
 const FILE_HEAD_BYTES: usize = 16;
 const HEAD_BYTES: usize = 3;
+/// Incompatible flags that are known: data were appended behind the log's end, where they are read as well.
+const FLAGS_KNOWN: u64 = 1;
+/// Compatible flags, which say nothing that reading needs, before the incompatible ones.
+const COMPATIBLE_BYTES: usize = 8;
 /// Formats hold formats, so deep at most.
 const DEPTH_MAX: usize = 12;
 /// Fields of one topic.
@@ -156,8 +159,9 @@ impl Learnt {
     }
 }
 
-/// Whether a record may begin here: a type that there is, and behind it another, or the end.
-fn plausible(ahead: &[u8], learnt: &Learnt) -> bool {
+/// Whether a record may begin here: a type that there is, and behind it another, or the end. `searched` = the place was looked
+/// for behind damage, where data that are shorter than their format are no record.
+fn plausible(ahead: &[u8], learnt: &Learnt, searched: bool) -> bool {
     let [low, high, kind, ..] = ahead else {
         return false;
     };
@@ -171,7 +175,7 @@ fn plausible(ahead: &[u8], learnt: &Learnt) -> bool {
             return false;
         };
         let topic = learnt.topics.get(&u16::from_le_bytes([id[0], id[1]]));
-        if topic.is_none_or(|t| packed::bytes(&t.fields) + 2 > length) {
+        if topic.is_none_or(|t| searched && packed::bytes(&t.fields) + 2 > length) {
             return false;
         }
     }
@@ -195,7 +199,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             _ => 0,
         };
         let ahead = window.ahead(HEAD_BYTES + length + HEAD_BYTES)?;
-        if !plausible(ahead, &learnt) {
+        if !plausible(ahead, &learnt, broken) {
             let whole = ahead.len() >= HEAD_BYTES + length && length > 0;
             let kind = ahead.get(2).copied().unwrap_or(0);
             // A record whose follower is broken is sound itself as far as the file shows.
@@ -208,6 +212,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         match kind {
             b'F' => learnt.format(body),
             b'A' => learnt.subscribe(body),
+            b'B' => return flags(body).map(|()| Ok(record.len())),
             b'O' => {
                 let lost_ms = body
                     .get(..2)
@@ -232,7 +237,20 @@ fn fits(record: &[u8], learnt: &Learnt) -> bool {
     let length = usize::from(u16::from_le_bytes([record[0], record[1]]));
     let mut own = record.get(..HEAD_BYTES + length).unwrap_or(&[]).to_vec();
     own.truncate(HEAD_BYTES + length);
-    plausible(&own, learnt)
+    plausible(&own, learnt, true)
+}
+
+/// Holds the incompatible flags against those that are known: the format's rule is to read no further.
+fn flags(body: &[u8]) -> Result<(), RecordedError> {
+    let own = body.get(COMPATIBLE_BYTES..).and_then(|b| b.first_chunk());
+    let flags = own.map_or(0, |b| u64::from_le_bytes(*b));
+    if flags & !FLAGS_KNOWN == 0 {
+        return Ok(());
+    }
+    Err(RecordedError::Flags {
+        flags,
+        known: FLAGS_KNOWN,
+    })
 }
 
 fn data(
@@ -250,6 +268,16 @@ fn data(
             "data of topic number {id}, which is not declared"
         )));
     };
+    let stated = packed::bytes(&topic.fields);
+    if body.len() < stated {
+        // Which fields are there, only the format says, and it is wrong.
+        sink.other(&topic.name, &topic.schema, None);
+        return Ok(Err(format!(
+            "the data of {} have {} bytes, {stated} by its format, so that no field of it is sure (written by a firmware of another version?)",
+            topic.name,
+            body.len()
+        )));
+    }
     if !sink.wants(&topic.name, &topic.schema, body.len()) {
         sink.other(&topic.name, &topic.schema, None);
         return Ok(Ok(()));

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use hydroline_rigs::bounded;
+
 use super::message::{Account, RecordedError};
 
 const READ_BYTES: usize = 1 << 18;
@@ -69,7 +71,7 @@ pub(super) fn each_record(
         bool,
     ) -> Result<Result<usize, Damage>, RecordedError>,
 ) -> Result<Account, RecordedError> {
-    let mut window = Window::new(File::open(path)?);
+    let mut window = Window::new(bounded::open(path)?);
     let mut account = Account::default();
     let mut broken = false;
     while !window.ahead(1)?.is_empty() {

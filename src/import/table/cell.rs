@@ -4,8 +4,8 @@ use super::{Columns, Sample};
 use crate::attitude::{euler, to_body};
 use crate::cells::Cells;
 use crate::check::{Finding, FindingList};
-use crate::map::{FileMap, Map, Missing, Origin, PLACES, place_name};
-use crate::number::{BadCells, number, says_nothing, ungrouped};
+use crate::map::{FileMap, Map, Missing, MissingValues, Origin, PLACES, place_name};
+use crate::number::{BadCells, has_bare_exponent, number, says_nothing, ungrouped};
 
 /// Reads the cells of one row after the other.
 pub(crate) struct Reader<'a> {
@@ -17,6 +17,12 @@ pub(crate) struct Reader<'a> {
     held_quaternion: [f64; 4],
     held_commands: Vec<f64>,
     sample: Sample,
+    /// Texts of a quaternion's cells that mean nothing; its numbers do so only all four together.
+    quaternion_texts: MissingValues,
+    /// Rows whose quaternion is of zeros, where it may be missing: count, first line.
+    no_rotation: (usize, u64),
+    /// Numbers whose exponent stands without its letter: count, first line, column, cell.
+    bare_exponent: Option<(usize, u64, String, String)>,
     /// Rows whose quaternion has another length than 1: count, first line, its length.
     no_unit: (usize, u64, f64),
     /// Rows with velocities and without the angles to turn them.
@@ -32,31 +38,70 @@ pub(crate) struct Reader<'a> {
 /// An attitude this old still turns a velocity \[s\].
 const ATTITUDE_AGE_S: f64 = 0.5;
 
-/// Meaning of an empty cell, and a number that means one.
-type Empty = (Missing, Option<f64>);
+/// Meaning of an empty cell, and what else means one.
+type Empty<'a> = (Missing, &'a MissingValues);
+
+/// Kind of a cell that gives no number, though one is needed.
+enum Bad<'a> {
+    /// It is none.
+    Unreadable(&'a str),
+    /// The map says that it means nothing.
+    Stated(&'a str),
+    /// It is read, though its exponent has no letter.
+    BareExponent(&'a str),
+}
 
 /// A cell's number, or what stands for it; NaN = nothing.
 fn value(
     cell: &str,
     file: &FileMap,
-    (missing, missing_value): Empty,
+    (missing, missing_values): Empty<'_>,
     held: &mut f64,
-    note: impl FnOnce(&str),
+    note: impl FnOnce(Bad<'_>),
 ) -> f64 {
-    match number(&ungrouped(cell, file.thousands, file.decimal), file.decimal) {
-        Some(v) if missing_value != Some(v) => {
+    let found = number(&ungrouped(cell, file.thousands, file.decimal), file.decimal);
+    let is_stated = missing_values.has(cell, found);
+    match found {
+        Some(v) if !is_stated => {
+            if has_bare_exponent(cell) {
+                note(Bad::BareExponent(cell));
+            }
             *held = v;
             v
         }
-        empty if missing != Missing::Fault && (empty.is_some() || says_nothing(cell)) => {
-            match missing {
-                Missing::Hold => *held,
-                _ => f64::NAN,
-            }
-        }
+        _ if missing != Missing::Fault && (is_stated || says_nothing(cell)) => match missing {
+            Missing::Hold => *held,
+            _ => f64::NAN,
+        },
         _ => {
-            note(cell);
+            note(if is_stated {
+                Bad::Stated(cell)
+            } else {
+                Bad::Unreadable(cell)
+            });
             f64::NAN
+        }
+    }
+}
+
+/// Notes of cells that are no plain numbers.
+struct Notes<'a> {
+    bad: &'a mut BadCells,
+    bare_exponent: &'a mut Option<(usize, u64, String, String)>,
+    line: u64,
+}
+
+impl Notes<'_> {
+    fn add(self, column: &str, cell: Bad<'_>) {
+        match cell {
+            Bad::Unreadable(cell) => self.bad.note(column, self.line, cell),
+            Bad::Stated(cell) => self.bad.note_stated(column, self.line, cell),
+            Bad::BareExponent(cell) => match self.bare_exponent {
+                Some(seen) => seen.0 += 1,
+                None => {
+                    *self.bare_exponent = Some((1, self.line, column.to_owned(), cell.to_owned()));
+                }
+            },
         }
     }
 }
@@ -79,6 +124,15 @@ impl<'a> Reader<'a> {
                 pulses_us: vec![0.0; map.commands.len()],
                 compare_s: f64::NAN,
             },
+            quaternion_texts: MissingValues {
+                numbers: Vec::new(),
+                texts: map
+                    .quaternion
+                    .as_ref()
+                    .map_or_else(Vec::new, |q| q.missing_values.texts.clone()),
+            },
+            no_rotation: (0, 0),
+            bare_exponent: None,
             no_unit: (0, 0, 0.0),
             not_rotated: (0, 0),
             attitude: None,
@@ -97,15 +151,17 @@ impl<'a> Reader<'a> {
                 (Origin::Value(v), _) => *v,
                 (_, None) => f64::NAN,
                 (Origin::Column(name), Some(column)) => {
-                    let bad = &mut self.bad;
+                    let notes = Notes {
+                        bad: &mut self.bad,
+                        bare_exponent: &mut self.bare_exponent,
+                        line,
+                    };
                     value(
                         cells.get(*column),
                         file,
-                        (channel.missing, channel.missing_value),
+                        (channel.missing, &channel.missing_values),
                         &mut self.held[place],
-                        |cell| {
-                            bad.note(&name.to_string(), line, cell);
-                        },
+                        |cell| notes.add(&name.to_string(), cell),
                     )
                 }
             };
@@ -128,18 +184,47 @@ impl<'a> Reader<'a> {
         let Some((map, places)) = &self.columns.quaternion else {
             return;
         };
+        // What holds is filled in when all four are known.
+        let missing = match map.missing {
+            Missing::Hold => Missing::Skip,
+            other => other,
+        };
         let mut wxyz = [f64::NAN; 4];
         for (i, place) in places.iter().enumerate() {
             let Some(place) = place else { continue };
-            let bad = &mut self.bad;
-            let (file, held) = (&self.map.file, &mut self.held_quaternion[i]);
-            wxyz[i] = value(cells.get(*place), file, (map.missing, None), held, |cell| {
-                bad.note(&map.wxyz[i].to_string(), line, cell);
+            let notes = Notes {
+                bad: &mut self.bad,
+                bare_exponent: &mut self.bare_exponent,
+                line,
+            };
+            let empty = (missing, &self.quaternion_texts);
+            let (file, mut unused) = (&self.map.file, f64::NAN);
+            wxyz[i] = value(cells.get(*place), file, empty, &mut unused, |cell| {
+                notes.add(&map.wxyz[i].to_string(), cell);
             });
         }
-        // One part of a quaternion may well be 0: only all of them together stand for none.
-        if map.missing_value.is_some_and(|v| wxyz == [v; 4]) {
+        // One part of a quaternion may well be 0: only all of them together stand for none, and four zeros are no rotation.
+        let is_stated = map.missing_values.numbers.iter().any(|v| wxyz == [*v; 4]);
+        if is_stated || (map.missing != Missing::Fault && wxyz == [0.0; 4]) {
             wxyz = [f64::NAN; 4];
+            if map.missing == Missing::Fault {
+                let cell = places[0].map_or("", |p| cells.get(p));
+                self.bad.note_stated(&map.wxyz[0].to_string(), line, cell);
+            } else {
+                if self.no_rotation.0 == 0 {
+                    self.no_rotation.1 = line;
+                }
+                self.no_rotation.0 += 1;
+            }
+        }
+        if map.missing == Missing::Hold {
+            for (own, held) in wxyz.iter_mut().zip(&mut self.held_quaternion) {
+                if own.is_nan() {
+                    *own = *held;
+                } else {
+                    *held = *own;
+                }
+            }
         }
         let angles = euler(wxyz, map.axes);
         let whole = wxyz.iter().all(|v| v.is_finite());
@@ -200,7 +285,12 @@ impl<'a> Reader<'a> {
                 (Origin::Value(v), _) => *v,
                 (_, None) => f64::NAN,
                 (Origin::Column(name), Some(column)) => {
-                    let (bad, held) = (&mut self.bad, &mut self.held_commands[i]);
+                    let held = &mut self.held_commands[i];
+                    let notes = Notes {
+                        bad: &mut self.bad,
+                        bare_exponent: &mut self.bare_exponent,
+                        line,
+                    };
                     // A command that is not given holds anyway: nothing is repeated.
                     let missing = match command.missing {
                         Missing::Hold => Missing::Skip,
@@ -209,11 +299,9 @@ impl<'a> Reader<'a> {
                     value(
                         cells.get(column),
                         &self.map.file,
-                        (missing, command.missing_value),
+                        (missing, &command.missing_values),
                         held,
-                        |cell| {
-                            bad.note(&name.to_string(), line, cell);
-                        },
+                        |cell| notes.add(&name.to_string(), cell),
                     )
                 }
             };
@@ -250,6 +338,13 @@ impl<'a> Reader<'a> {
         let (count, line, length) = self.no_unit;
         if count > 0 {
             findings.fault_at("quaternion", Some(line), format!("{count} quaternion(s) are none of rotation, the first on line {line} of length {length:.4}: a lost body, or other columns?"));
+        }
+        let (count, line) = self.no_rotation;
+        if count > 0 {
+            findings.info("quaternion", format!("{count} quaternion(s) of nothing but zeros or the map's missing_value, the first on line {line}: not measured there"));
+        }
+        if let Some((count, line, column, cell)) = &self.bare_exponent {
+            findings.info("bare_exponent", format!("column '{column}': {count} number(s) like '{cell}' (line {line}) are read with an exponent whose letter is left out, as Fortran writes 3.1E-114"));
         }
         let (count, line) = self.not_rotated;
         if count > 0 {

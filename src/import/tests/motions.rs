@@ -403,3 +403,29 @@ fn a_frozen_measurement_is_named_where_it_stops() {
         data.findings
     );
 }
+
+/// Some in a hundred rows made the largest twentieth of all changes themselves, by which a jump was judged: a single spike
+/// was said, two in a hundred rows were not.
+#[test]
+fn many_spikes_do_not_hide_each_other() {
+    for (every, size_m) in [
+        (300, 0.5),
+        (50, 0.5),
+        (20, 0.5),
+        (16, 0.5),
+        (50, -0.08),
+        (50, 12.0),
+    ] {
+        // Not in step with the rows.
+        let is_spike = |k: usize| k > 5 && (k * 31 + k / 7) % every == 7;
+        assert!((0..900).any(is_spike), "{every}");
+        let text = sampled("x", 25.0, 900, |k, t| {
+            let spike_m = if is_spike(k) { size_m } else { 0.0 };
+            vec![0.2 * t + 0.4 * (0.5 * t).sin() + 1.5e-4 * noise(k, 1) + spike_m]
+        });
+        let found = read(&text, &map_of(&[("x_m", "x", "m")]));
+        let said = kinds(&found, Severity::Warning);
+        let spikes = |kind: &&str| matches!(*kind, "outlier" | "sudden_jump" | "teleport");
+        assert!(said.iter().any(spikes), "{every} {size_m}: {said:?}");
+    }
+}

@@ -3,8 +3,9 @@
 //! As on the page the newest wins: a viewer that is slow is sent less, and one that takes nothing is cut off.
 
 use super::super::foxglove::{Channel, Sent, Viewer, greeting, of_picture, protocol};
+use super::ended;
+use super::open::Connection;
 use super::routes::Shared;
-use super::{Connection, ended};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};

@@ -3,9 +3,11 @@
 use super::super::feed::{Feed, Numbered};
 use super::super::foxglove::layout;
 use super::super::guard::{Asked, Guard, Header, Refusal, Route, SESSION_HEADER};
+use super::super::guesses::{GUESS_EVERY, Guesses};
 use super::super::{metrics, page};
 use super::encoder::Encoder;
-use super::{Connection, Peers, foxglove};
+use super::foxglove;
+use super::open::{Connection, Open};
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -14,7 +16,7 @@ use axum::{Extension, Router};
 use bytes::Bytes;
 use hydroline_core::lock::Lock;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 /// Longest wait for something newer; then the viewer asks again.
@@ -23,18 +25,20 @@ const NEWER_WITHIN: Duration = Duration::from_secs(1);
 pub(super) struct Shared {
     pub(super) feed: Arc<Feed>,
     guard: Guard,
-    peers: Peers,
+    open: Open,
+    guesses: Mutex<Guesses>,
     pub(super) encoder: Encoder,
     /// The newest state as JSON, written once for all viewers.
     json: Mutex<Option<(u64, Bytes)>>,
 }
 
 /// The routes; every request passes the guard first.
-pub(super) fn router(feed: Arc<Feed>, guard: Guard, peers: Peers) -> Router {
+pub(super) fn router(feed: Arc<Feed>, guard: Guard, open: Open) -> Router {
     let shared = Arc::new(Shared {
         feed,
         guard,
-        peers,
+        open,
+        guesses: Mutex::default(),
         encoder: Encoder::default(),
         json: Mutex::new(None),
     });
@@ -46,9 +50,12 @@ async fn answer(
     Extension(connection): Extension<Connection>,
     request: Request,
 ) -> Response {
-    let checked = shared.guard.check(&asked(&request));
+    let checked = shared.check(&connection, &asked(&request));
+    // Where no place is left it is answered all the same, STOP before all, and then goes.
+    let kept = checked.is_ok() && connection.keep();
     // Nothing below reads a body.
     let mut response = match checked {
+        Ok(Route::Foxglove) if !kept => full(),
         Ok(Route::Foxglove) => foxglove::answer(&shared, connection, request),
         Ok(Route::Page) => shared.page(),
         Ok(Route::State { after }) => shared.state(after).await,
@@ -58,6 +65,11 @@ async fn answer(
         Ok(Route::Stop) => shared.stop(),
         Err(refusal) => refuse(refusal),
     };
+    if !kept {
+        // Whatever else was sent behind it is not looked at.
+        let close = HeaderValue::from_static("close");
+        response.headers_mut().insert(header::CONNECTION, close);
+    }
     protect(response.headers_mut());
     response
 }
@@ -71,6 +83,7 @@ fn asked(request: &Request) -> Asked<'_> {
         method: request.method().as_str(),
         path: request.uri().path(),
         query: request.uri().query().unwrap_or_default(),
+        authority: request.uri().authority().map(|a| a.as_str()),
         host: one("host"),
         origin: one("origin"),
         fetch_site: one("sec-fetch-site"),
@@ -115,13 +128,23 @@ fn protect(headers: &mut HeaderMap) {
 fn refuse(refusal: Refusal) -> Response {
     let status = StatusCode::from_u16(refusal.status()).unwrap_or(StatusCode::FORBIDDEN);
     let mut response = (status, format!("{refusal}\n")).into_response();
-    // Whatever else was sent behind it is not looked at.
     let headers = response.headers_mut();
-    headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
-    if refusal == Refusal::Method {
-        headers.insert(header::ALLOW, HeaderValue::from_static("GET, POST"));
+    match refusal {
+        Refusal::Method => {
+            headers.insert(header::ALLOW, HeaderValue::from_static("GET, POST"));
+        }
+        Refusal::Guesses => {
+            let wait = HeaderValue::from(GUESS_EVERY.as_secs());
+            headers.insert(header::RETRY_AFTER, wait);
+        }
+        _ => {}
     }
     response
+}
+
+fn full() -> Response {
+    let words = "as many viewers look as there are places for: close one of them\n";
+    (StatusCode::SERVICE_UNAVAILABLE, words).into_response()
 }
 
 fn typed(kind: &'static str, body: impl Into<Body>) -> Response {
@@ -136,6 +159,22 @@ async fn newer<T>(from: &mut watch::Receiver<Numbered<T>>, after: u64) -> Option
 }
 
 impl Shared {
+    /// The guard's answer; a computer that guesses tokens does not learn whether its next one is right.
+    fn check(&self, connection: &Connection, asked: &Asked<'_>) -> Result<Route, Refusal> {
+        let guessing = !connection.is_kept() && !self.guard.has_key(asked);
+        let offered = self.guard.offered(asked).filter(|_| guessing);
+        let Some(offered) = offered else {
+            return self.guard.check(asked);
+        };
+        let (peer, now) = (connection.peer(), Instant::now());
+        self.guesses.held().admit(peer, offered, now)?;
+        let checked = self.guard.check(asked);
+        if checked == Err(Refusal::Token) {
+            self.guesses.held().wrong(peer, offered, now);
+        }
+        checked
+    }
+
     fn page(&self) -> Response {
         let Ok(page) = page::page(&self.guard) else {
             return StatusCode::INTERNAL_SERVER_ERROR.into_response();
@@ -187,7 +226,7 @@ impl Shared {
 
     fn metrics(&self) -> Response {
         let newest = self.feed.states().borrow().value.clone();
-        let text = metrics::text(&newest.unwrap_or_default(), self.peers.count());
+        let text = metrics::text(&newest.unwrap_or_default(), self.open.count());
         typed(metrics::CONTENT_TYPE, text)
     }
 

@@ -1,6 +1,7 @@
 //! The server on a real socket, with a client that knows no more HTTP than it needs.
 
 use super::super::picture::{Overlay, Picture};
+use super::super::places::{KEPT_PER_PEER, WAITING_MAX};
 use super::super::state::State;
 use super::*;
 use bytes::Bytes;
@@ -272,19 +273,119 @@ fn garbage_costs_only_its_own_connection() {
 }
 
 #[test]
-fn one_computer_cannot_take_all_places_and_idle_ones_are_given_back() {
+fn idle_connections_are_given_back() {
     let (server, _feed, _) = started(None);
     let address = server.address();
-    let idle: Vec<TcpStream> = (0..CONNECTIONS_MAX + 8).map(|_| connect(address)).collect();
-    // Those beyond its share are closed without an answer, the others when no head has come.
+    let idle: Vec<TcpStream> = (0..WAITING_MAX + 8).map(|_| connect(address)).collect();
+    // The oldest give way to the newest, the others end when no head has come.
     let began = Instant::now();
     let mut ended = 0;
     for mut stream in idle {
         ended += usize::from(matches!(stream.read(&mut [0; 256]), Ok(_) | Err(_)));
     }
-    assert_eq!(ended, CONNECTIONS_MAX + 8);
+    assert_eq!(ended, WAITING_MAX + 8);
     assert!(began.elapsed() < HEAD_WITHIN * 3);
     assert_eq!(ask(address, "GET /state", "").status, 200);
+}
+
+/// One of a crowd: it sends nothing, half a head, garbage, or asks without ever reading.
+fn one_of_a_crowd(address: SocketAddr, k: usize) -> TcpStream {
+    let mut stream = connect(address);
+    let asks = format!("GET /state HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    let sent: &[u8] = match k % 4 {
+        0 => b"",
+        1 => b"POST /stop HTTP/1.1\r\nHo",
+        2 => b"\x16\x03\x01\x02\0\x01\0\r\n\r\n",
+        _ => asks.as_bytes(),
+    };
+    // It may have been closed by then.
+    let _ = stream.write_all(sent);
+    stream
+}
+
+#[test]
+fn a_crowd_that_takes_every_place_does_not_keep_stop_out() {
+    for token in [None, Some(TOKEN)] {
+        let (server, _feed, stops) = started(token);
+        let address = server.address();
+        let opens = format!("Authorization: Bearer {TOKEN}\r\n");
+        let key = key(&ask(address, "GET /", &opens).text());
+        // A page that is open: its connection stays, whoever comes.
+        let mut page = connect(address);
+        let state = format!("GET /state HTTP/1.1\r\nHost: {address}\r\n{opens}\r\n").into_bytes();
+        page.write_all(&state).unwrap();
+        assert!(page.read(&mut [0; 4096]).unwrap() > 0);
+        let mut crowd: Vec<TcpStream> = (0..250).map(|k| one_of_a_crowd(address, k)).collect();
+        for pressed in 1..=20 {
+            crowd.extend((0..5).map(|k| one_of_a_crowd(address, k)));
+            let headers = format!("{opens}X-Hydroline-Session: {key}\r\n");
+            let answer = ask(address, "POST /stop", &headers);
+            assert_eq!(answer.status, 200, "press {pressed}");
+            assert_eq!(stops.load(Ordering::SeqCst), pressed);
+        }
+        page.write_all(&state).unwrap();
+        assert!(page.read(&mut [0; 4096]).unwrap() > 0, "it was put out");
+        drop(crowd);
+    }
+}
+
+#[test]
+fn a_target_that_names_another_computer_is_held_against_the_rule_of_hosts() {
+    let (server, _feed, stops) = started(None);
+    let address = server.address();
+    let own = format!(
+        "X-Hydroline-Session: {}\r\n",
+        key(&ask(address, "GET /", "").text())
+    );
+    for host in [
+        "evil.example",
+        "127.0.0.1@evil.example",
+        "localhost.evil.example:80",
+    ] {
+        let status = |line: String| ask(address, &line, &own).status;
+        assert_eq!(status(format!("GET http://{host}/state")), 421, "{host}");
+        assert_eq!(status(format!("POST http://{host}/stop")), 421, "{host}");
+    }
+    assert_eq!(stops.load(Ordering::SeqCst), 0);
+    let line = format!("GET http://{address}/state");
+    assert_eq!(ask(address, &line, "").status, 200);
+}
+
+#[test]
+fn guesses_of_the_token_are_limited_and_stop_is_not() {
+    let (server, _feed, stops) = started(Some(TOKEN));
+    let address = server.address();
+    let opens = format!("Authorization: Bearer {TOKEN}\r\n");
+    let own = format!(
+        "{opens}X-Hydroline-Session: {}\r\n",
+        key(&ask(address, "GET /", &opens).text())
+    );
+    let mut page = connect(address);
+    let state = format!("GET /state HTTP/1.1\r\nHost: {address}\r\n{opens}\r\n");
+    page.write_all(state.as_bytes()).unwrap();
+    assert!(page.read(&mut [0; 4096]).unwrap() > 0);
+    let guess = |k: usize| {
+        ask(
+            address,
+            &format!("GET /?token=a-token-for-tests-{k:04}"),
+            "",
+        )
+    };
+    let refused: Vec<u16> = (1000..1100).map(|k| guess(k).status).collect();
+    assert_eq!(refused.iter().filter(|s| **s == 401).count(), 10);
+    assert_eq!(refused.iter().filter(|s| **s == 429).count(), 90);
+    let answer = guess(2000);
+    assert!(answer.head.contains("retry-after: "), "{}", answer.head);
+    // Nor is the right one distinguished now.
+    assert_eq!(ask(address, "GET /state", &opens).status, 429);
+    // Who has no token at all guesses nothing; a page that is open goes on, and its STOP does.
+    assert_eq!(ask(address, "GET /state", "").status, 401);
+    page.write_all(state.as_bytes()).unwrap();
+    let mut head = [0; 4096];
+    let n = page.read(&mut head).unwrap();
+    assert!(head[..n].starts_with(b"HTTP/1.1 200"));
+    assert_eq!(ask(address, "POST /stop", &own).status, 200);
+    assert_eq!(stops.load(Ordering::SeqCst), 1);
 }
 
 #[test]
@@ -411,6 +512,7 @@ mod foxglove {
     fn another_site_is_no_viewer() {
         let (server, _feed, _) = started(None);
         assert!(open(server.address(), Some("https://evil.example")).is_err());
+        assert!(open(server.address(), Some("file://")).is_err());
         assert!(open(server.address(), Some("https://app.foxglove.dev")).is_ok());
         let (closed, _feed, _) = started(Some(TOKEN));
         assert!(open(closed.address(), None).is_err());
@@ -423,7 +525,7 @@ mod foxglove {
     fn viewers_have_places_like_everyone_until_they_go() {
         let (server, _feed, _) = started(None);
         let open_all = || -> Vec<Socket> {
-            let opened = (0..CONNECTIONS_PER_PEER).map(|_| open(server.address(), None));
+            let opened = (0..KEPT_PER_PEER).map(|_| open(server.address(), None));
             opened.map(Result::unwrap).collect()
         };
         let sockets = open_all();

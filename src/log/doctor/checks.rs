@@ -9,7 +9,7 @@ use crate::reader::Record;
 use crate::records::{ChannelRecord, Damage};
 use crate::topic::Topic;
 use hydroline_core::event::Severity;
-use hydroline_core::frame::{ClippingWatch, GreyRule};
+use hydroline_core::frame::{ClippingWatch, FrameError, GreyRule};
 
 /// Realtime steps beyond this are reported \[ns\].
 const STEP_NS: i128 = 10_000_000;
@@ -25,6 +25,8 @@ pub(super) struct Checks {
     pub(super) suppressed: BTreeMap<&'static str, usize>,
     pub(super) topics: BTreeMap<String, u64>,
     pub(super) schemas_checked: BTreeSet<u16>,
+    /// First message, UNIX \[ns\]; `None` = there is none.
+    pub(super) first_log_ns: Option<u64>,
     pub(super) last_log_ns: u64,
     pub(super) backward_steps: u64,
     pub(super) cut: bool,
@@ -59,6 +61,9 @@ pub(super) struct Frames {
     pub(super) unexplained: u64,
     pub(super) faulty: u64,
     pub(super) short: u64,
+    /// Damaged images that nothing marks, and the first of them in words.
+    pub(super) damaged: u64,
+    pub(super) first_damage: Option<String>,
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
@@ -105,6 +110,7 @@ impl Checks {
     /// Every message, whatever it is.
     pub fn message(&mut self, offset: u64, channel: &ChannelRecord, schema: &str, log_ns: u64) {
         *self.topics.entry(channel.topic.clone()).or_default() += 1;
+        self.first_log_ns.get_or_insert(log_ns);
         if log_ns < self.last_log_ns {
             self.backward_steps += 1;
         }
@@ -155,7 +161,13 @@ impl Checks {
                 self.frames.images += 1;
                 self.frames.image_due = false;
                 if frame.meta.fault.is_none() {
-                    self.frames.short += u64::from(frame.to_grey(&self.rule).is_err());
+                    match frame.to_grey(&self.rule) {
+                        Err(error @ FrameError::Damaged { .. }) => {
+                            self.frames.damaged += 1;
+                            self.frames.first_damage.get_or_insert(error.to_string());
+                        }
+                        read => self.frames.short += u64::from(read.is_err()),
+                    }
                     self.clipping.see(frame, &self.rule);
                 }
             }

@@ -2,9 +2,11 @@
 
 use super::checks::{BRACKET_NS, Checks};
 use super::{Finding, Grade};
+use crate::info::utc;
 use crate::part::MetadataMap;
 use crate::scan::Learnt;
 use crate::seal::{DAMAGED_KEY, SealState};
+use hydroline_core::clock::doubt;
 use hydroline_core::event::kind;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
@@ -50,8 +52,8 @@ impl Checks {
         marked.max(stated)
     }
 
-    /// All findings, with those of the checks that need the whole file.
-    pub fn conclude(mut self, learnt: &Learnt) -> Vec<Finding> {
+    /// All findings, with those of the checks that need the whole file; `now_ns` = the host's time, UNIX.
+    pub fn conclude(mut self, learnt: &Learnt, now_ns: u64) -> Vec<Finding> {
         let ours = learnt.library.starts_with("hydroline") || learnt.metadata.contains_key("rig");
         self.log_times(ours);
         self.frames_and_commands(
@@ -62,6 +64,7 @@ impl Checks {
             learnt.metadata.get("summary").is_some_and(is_recovered),
         );
         self.clocks();
+        self.date(now_ns, ours);
         let mut errors = std::mem::take(&mut self.error_events);
         // A frame that was only late is reported as lost first and taken back by the next one.
         let reported = &self.frames.reported_lost;
@@ -196,6 +199,14 @@ impl Checks {
             let next = "exclude them; the writer should have marked them";
             self.error("image", message, next);
         }
+        if let Some(first) = &self.frames.first_damage {
+            let message = format!(
+                "{} images are damaged and not marked as faulty, the first: {first}",
+                self.frames.damaged
+            );
+            let next = "no command reads them; if there are many, check the camera's cable and what the log was copied from";
+            self.error("image", message, next);
+        }
         if self.frames.faulty > 0 {
             let message = format!(
                 "{} of {infos} frames are marked faulty and excluded from analysis",
@@ -246,6 +257,25 @@ impl Checks {
                 "check the cable if there are many",
             );
         }
+    }
+
+    /// Whether the log's first or last message can have been stamped by a clock that was set.
+    /// A log of another program may count from any zero.
+    fn date(&mut self, now_ns: u64, ours: bool) {
+        let Some(first_ns) = self.first_log_ns else {
+            return;
+        };
+        let ends = [first_ns, self.last_log_ns];
+        let doubted = ends
+            .into_iter()
+            .find_map(|ns| Some((ns, doubt(ns, now_ns)?)));
+        let Some((ns, reason)) = doubted else {
+            return;
+        };
+        let message = format!("stamped {}: {reason}", utc(ns));
+        let next = "times within the log hold, the date does not: `campaign` gives it no day; set the clock (NTP, a battery) before the next run";
+        let grade = if ours { Grade::Warning } else { Grade::Note };
+        self.add(grade, "clock", None, message, next);
     }
 
     fn clocks(&mut self) {

@@ -62,7 +62,7 @@ pub(super) fn encoded(name: &str) -> Option<PixelFormat> {
 }
 
 /// The format of a compressed image's name: a word of Foxglove's, or image_transport's `bgr8; jpeg compressed bgr8`.
-pub(super) fn compression(name: &str) -> Option<PixelFormat> {
+pub(crate) fn compression(name: &str) -> Option<PixelFormat> {
     // Depth images have a head of their own before the PNG.
     let words = name.to_ascii_lowercase();
     match () {

@@ -7,7 +7,9 @@ use super::encodings::{READ, compression, encoded, encoding};
 use super::{
     CAMERA_FRAME, CompressedImage, FrameInfo, RawImage, Stamped, foxglove_time, timestamp,
 };
-use hydroline_core::frame::{Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource};
+use hydroline_core::frame::{
+    Frame, FrameFault, FrameMeta, LossBefore, StampClock, StampSource, still_size,
+};
 
 /// The image part of a frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,12 +26,6 @@ pub enum ImageMessage {
 pub enum ImageError {
     #[error("image encoding `{0}`; hydroline reads {READ}")]
     Encoding(String),
-    #[error("{format} image of {bytes} bytes does not decode: {reason}")]
-    Decode {
-        format: String,
-        bytes: usize,
-        reason: String,
-    },
 }
 
 /// The image message of a frame: same bytes, `timestamp` = mid-exposure.
@@ -85,7 +81,7 @@ pub fn frame_info(frame: &Frame, frame_index: u64) -> FrameInfo {
 /// `sequence` and `fallback_ns` (the MCAP record's) stand in for what the image does not say.
 ///
 /// # Errors
-/// An encoding that is not read, or a compressed image whose size cannot be determined.
+/// An encoding that is not read.
 pub fn frame_from(
     image: ImageMessage,
     info: Option<&FrameInfo>,
@@ -122,21 +118,11 @@ fn compressed_parts(
     fallback_ns: u64,
 ) -> Result<ImageParts, ImageError> {
     let stamp = image.stamp_ns().unwrap_or(fallback_ns);
-    let failed = |reason: String| ImageError::Decode {
-        format: image.format.clone(),
-        bytes: image.data.len(),
-        reason,
-    };
-    let (format, kind) = match compression(&image.format) {
-        Some(PixelFormat::Png) => (PixelFormat::Png, image::ImageFormat::Png),
-        Some(jpeg) => (jpeg, image::ImageFormat::Jpeg),
-        None => return Err(ImageError::Encoding(image.format)),
-    };
+    let format = compression(&image.format).ok_or(ImageError::Encoding(image.format))?;
     let (w, h) = match info {
         Some(info) if info.width_px > 0 => (info.width_px, info.height_px),
-        _ => image::ImageReader::with_format(std::io::Cursor::new(&image.data), kind)
-            .into_dimensions()
-            .map_err(|e| failed(e.to_string()))?,
+        // An image whose head is damaged is a frame still: one that does not decode, and is counted as one.
+        _ => still_size(&image.data, format).unwrap_or((0, 0)),
     };
     Ok((format, w, h, 0, image.data, stamp))
 }

@@ -7,7 +7,7 @@ use std::io::Read;
 use bytes::{Buf, Bytes};
 use mcap::records::op;
 
-use super::{Damage, EXPANSION_MAX, LIMIT_BYTES, PREFIX_BYTES};
+use super::{Damage, LIMIT_BYTES, PREFIX_BYTES, ZSTD_EXPANSION_MAX};
 use crate::part::MetadataMap;
 
 thread_local! {
@@ -336,7 +336,7 @@ impl ChunkRecord {
     /// The whole content of a sound chunk in one step, half as long as through a stream; `None` = the stream says why.
     fn at_once(&self) -> Option<Bytes> {
         let declared = self.uncompressed_bytes;
-        let room = (self.content.len() as u64).saturating_mul(EXPANSION_MAX);
+        let room = (self.content.len() as u64).saturating_mul(ZSTD_EXPANSION_MAX);
         if self.compression != "zstd" || declared > LIMIT_BYTES.min(room) {
             return None;
         }
@@ -366,8 +366,8 @@ impl ChunkRecord {
                 }),
             );
         }
-        // Room at once, but no more than a chunk of this size can honestly need.
-        let room = (self.content.len() as u64).saturating_mul(EXPANSION_MAX);
+        // Room at once, but no more than a chunk of this size can fill.
+        let room = (self.content.len() as u64).saturating_mul(ZSTD_EXPANSION_MAX);
         let mut out = Vec::with_capacity(declared.min(room) as usize);
         // One byte more than declared shows a chunk that holds too much.
         let limit = declared + 1;
@@ -376,7 +376,7 @@ impl ChunkRecord {
             "zstd" => {
                 zstd::stream::read::Decoder::with_buffer(self.content.as_ref()).and_then(|mut d| {
                     // A forged window size must not allocate more than a chunk may hold.
-                    d.window_log_max(LIMIT_BYTES.ilog2())?;
+                    d.window_log_max(LIMIT_BYTES.next_power_of_two().ilog2())?;
                     d.take(limit).read_to_end(&mut out)
                 })
             }

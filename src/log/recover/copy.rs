@@ -11,6 +11,9 @@ use crate::part::MetadataMap;
 use crate::records::{ChannelRecord, MessageRecord};
 use crate::scan::FileScan;
 
+/// A chunk is closed before it would hold more than this, so that a message near the limit has one of its own \[bytes\].
+const CHUNK_BYTES: u64 = 768 << 10;
+
 /// Order-dependent checksum over all messages, names and times.
 #[derive(Default)]
 pub(super) struct Digest(pub crc32fast::Hasher);
@@ -44,6 +47,8 @@ pub(super) struct Copy {
     pub total: u64,
     /// Company of the messages in the open chunk.
     pub company: Company,
+    /// Bytes of the messages in the open chunk.
+    pub open_bytes: u64,
 }
 
 impl Copy {
@@ -77,9 +82,13 @@ impl Copy {
         };
         // As the recording does: bulk in chunks of its own.
         let company = Company::of(&channel.topic).unwrap_or(self.company);
-        if company != std::mem::replace(&mut self.company, company) {
+        let bytes = m.data.len() as u64;
+        let full = self.open_bytes > 0 && self.open_bytes + bytes > CHUNK_BYTES;
+        if company != std::mem::replace(&mut self.company, company) || full {
             self.writer.flush()?;
+            self.open_bytes = 0;
         }
+        self.open_bytes += bytes;
         self.writer.write_to_known_channel(&header, &m.data)?;
         self.digest
             .add(channel, scan.learnt.declared.schema_name(channel), m);

@@ -161,3 +161,15 @@ fn what_cannot_be_smoothed_says_why() {
         Err(SmoothError::Gap { frame: 5, .. })
     ));
 }
+
+/// A frame without a pose behind a gap was reached by integrating over it, in steps of 20 ms.
+#[test]
+fn a_frame_a_century_later_is_refused_at_once() {
+    let (_, mut frames) = run(0.0, 10, 7);
+    frames[9].measured = None;
+    frames[9].stamp_ns += 3_200_000_000_000_000_000;
+    assert!(matches!(
+        smooth(&frames, &dynamics()),
+        Err(SmoothError::Gap { frame: 9, .. })
+    ));
+}

@@ -45,6 +45,13 @@ impl Answer {
         }
     }
 
+    /// Takes the channels out of an Ack.
+    pub fn unname(&mut self) {
+        if let Answer::Message(ControllerMessage::Ack { pulses, .. }) = self {
+            pulses.clear();
+        }
+    }
+
     pub fn bytes(self, outputs: &[ChannelPulse]) -> Vec<u8> {
         match self {
             Answer::Bytes(bytes) => bytes,
@@ -81,6 +88,8 @@ pub(super) struct Reaction {
 pub(super) trait Device: Send {
     fn feed(&mut self, byte: u8, view: &View<'_>) -> Reaction;
     fn watchdog_tripped(&mut self);
+    /// Sets error bits, until they are sent.
+    fn fail(&mut self, bits: u16);
 }
 
 pub(super) fn new(config: &ControllerConfig) -> Box<dyn Device> {
@@ -150,6 +159,10 @@ impl Device for Maestro {
 
     fn watchdog_tripped(&mut self) {
         self.errors |= maestro::ERROR_SERIAL_TIMEOUT;
+    }
+
+    fn fail(&mut self, bits: u16) {
+        self.errors |= bits;
     }
 }
 
@@ -272,5 +285,9 @@ impl Device for Stamped {
     fn watchdog_tripped(&mut self) {
         self.state = OutputState::Watchdog;
         self.errors |= error::WATCHDOG;
+    }
+
+    fn fail(&mut self, bits: u16) {
+        self.errors |= bits;
     }
 }

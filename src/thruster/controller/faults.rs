@@ -14,6 +14,10 @@ pub struct Faults {
     pub misnumbered: bool,
     /// It acknowledges set-points but its outputs do not follow them.
     pub stuck: bool,
+    /// It obeys, but its acknowledgements name no channel (`stamped`): nothing says what it puts out.
+    pub without_channels: bool,
+    /// Error bits that are set again before every answer.
+    pub errors: u16,
     /// Chance that a byte towards the host has one bit flipped.
     pub corrupt_tx: f64,
     /// Chance that a byte towards the controller has one bit flipped.

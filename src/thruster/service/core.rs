@@ -2,6 +2,7 @@
 
 mod away;
 mod listening;
+mod obeying;
 mod sending;
 
 use super::noise::Noise;
@@ -30,8 +31,8 @@ const AWAY_NS: u64 = 20_000_000;
 const REPEAT_NEUTRAL_NS: u64 = 50_000_000;
 /// ... and this often while nobody answers at all: a dead line must not fill the log.
 const REPEAT_LOST_NS: u64 = 250_000_000;
-/// How long a shutdown waits for the neutral's echo at most.
-const FAREWELL_NS: u64 = 300_000_000;
+/// How long a shutdown waits for the neutral's echo at most: on a busy computer the answer may lie there for some time.
+const FAREWELL_NS: u64 = 1_000_000_000;
 
 /// Sets remembered for their echo: more than the slowest link leaves open before they are given up.
 const UNECHOED_SETS: usize = 64;
@@ -57,15 +58,8 @@ struct Unechoed {
     sequence: u32,
     pulses: Vec<ChannelPulse>,
     before: Vec<ChannelPulse>,
-}
-
-/// Echoes that say otherwise than what was sent.
-struct Contradiction {
-    /// First of them \[ns\].
-    since_ns: u64,
-    thruster: Arc<str>,
-    sent_us: f64,
-    echo_us: f64,
+    /// All channels to neutral: answered with those that the controller has.
+    neutral: bool,
 }
 
 struct PlanRun {
@@ -101,7 +95,13 @@ pub struct Core {
     /// Since when set-points go out without any echo coming back \[ns\].
     unechoed_since_ns: Option<u64>,
     /// The echoes contradict the set-points without a break: since when, and the last of them.
-    contradicted: Option<Contradiction>,
+    contradicted: Option<obeying::Contradiction>,
+    /// The controller's answers report errors without a break.
+    standing: Option<obeying::Standing>,
+    /// Generation of the controller's clock whose rate was said.
+    rate_said: Option<u32>,
+    /// Whether neutral is confirmed and nothing was commanded since; `None` before the first command.
+    at_rest: Option<bool>,
     /// Sets sent and not echoed yet, with the pulses of the set before: what an echo is held against.
     unechoed: VecDeque<Unechoed>,
     last_pulses: Vec<ChannelPulse>,
@@ -156,6 +156,9 @@ impl Core {
             last_clock_ns: 0,
             unechoed_since_ns: None,
             contradicted: None,
+            standing: None,
+            rate_said: None,
+            at_rest: None,
             unechoed: VecDeque::with_capacity(UNECHOED_SETS),
             last_pulses: Vec::new(),
             config,
@@ -177,8 +180,17 @@ impl Core {
         };
         self.shared.set_state(self.safety.state());
         let cpu_s = thread_cpu_s();
-        self.shared.stats(|s| s.cpu_s = cpu_s);
+        let neutral_open = self.is_neutral_open();
+        self.shared.stats(|s| {
+            s.cpu_s = cpu_s;
+            s.neutral_open = neutral_open;
+        });
         flow
+    }
+
+    /// Whether the controller's outputs are not known to rest.
+    fn is_neutral_open(&self) -> bool {
+        self.at_rest == Some(false) || self.neutral_open.is_some()
     }
 
     fn set_plan(&self, state: PlanState) {
@@ -225,6 +237,10 @@ impl Core {
                     self.event(Severity::Warning, &kind::THRUSTER_REFUSED, why.into(), &[]);
                 }
                 continue;
+            }
+            if matches!(order, Order::Arm | Order::Plan { .. }) {
+                // Judged by what is reported from now on: at rest nothing asks the controller for more.
+                self.standing = None;
             }
             match order {
                 Order::Arm => {
@@ -349,6 +365,8 @@ impl Core {
         self.settle_outbox();
         self.abort_plan(NeutralReason::Panic);
         self.shared.set_state(State::Neutral(NeutralReason::Panic));
+        let neutral_open = self.is_neutral_open();
+        self.shared.stats(|s| s.neutral_open = neutral_open);
     }
 }
 

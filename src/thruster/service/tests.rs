@@ -2,6 +2,7 @@
 
 mod line;
 mod neutral;
+mod obeying;
 mod plan;
 mod wild;
 
@@ -96,13 +97,23 @@ struct Bench {
 }
 
 fn bench(kind: LinkKind, change: impl FnOnce(&mut ServiceConfig)) -> Bench {
+    bench_of(kind, change, |_| {})
+}
+
+fn bench_of(
+    kind: LinkKind,
+    change: impl FnOnce(&mut ServiceConfig),
+    controller: impl FnOnce(&mut ControllerConfig),
+) -> Bench {
     let clock = Arc::new(ManualClock::new(1_000_000_000, 1_700_000_000_000_000_000));
     let mut config = ServiceConfig {
         set: set(kind),
         resume_after_loss: false,
     };
     change(&mut config);
-    let cable = Loopback::new(ControllerConfig::for_rig(&config.set), clock.clone());
+    let mut simulated = ControllerConfig::for_rig(&config.set);
+    controller(&mut simulated);
+    let cable = Loopback::new(simulated, clock.clone());
     let opens = Arc::new(AtomicU32::new(0));
     let (line, counted, alive) = (cable.clone(), opens.clone(), Arc::new(AtomicU32::new(0)));
     let opener: Opener = Box::new(move || {

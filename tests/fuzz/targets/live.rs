@@ -1,8 +1,8 @@
 //! Requests to the live page: whatever a head holds, only the session's key stops and only the token opens.
 #![no_main]
 
-use hydroline::live::guard::{Asked, Guard, Header, Route};
 use hydroline::live::Token;
+use hydroline::live::guard::{Asked, Guard, Header, Route};
 use libfuzzer_sys::fuzz_target;
 
 #[path = "support/memory.rs"]
@@ -20,6 +20,7 @@ fn requests(bytes: &[u8]) {
     let mut part = || parts.next().unwrap_or_default();
     let (method, path, query) = (part(), part(), part());
     let given: Vec<&str> = (0..6).map(|_| part()).collect();
+    let (has_body, authority) = (part() == "body", part());
     let of = |i: usize| match given[i] {
         "" => Header::Absent,
         "?" => Header::Unclear,
@@ -29,13 +30,14 @@ fn requests(bytes: &[u8]) {
         method,
         path,
         query,
+        authority: (!authority.is_empty()).then_some(authority),
         host: of(0),
         origin: of(1),
         fetch_site: of(2),
         fetch_mode: of(3),
         authorization: of(4),
         session: of(5),
-        has_body: part() == "body",
+        has_body,
     };
     let key = Token::chosen(KEY).expect("long enough");
     let token = Token::chosen(TOKEN).expect("long enough");

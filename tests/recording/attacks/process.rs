@@ -99,12 +99,12 @@ fn supervision_on_the_wall_clock() {
     assert!(steps.iter().any(stepped), "the clock was not set: {said}");
 }
 
-/// 11. These killed the process at once and left the thrusters running.
+/// 11. These killed the process at once and left the thrusters running; on a24d55e the real-time ones still did.
 #[test]
 fn deaths_without_neutral() {
     let _alone = crate::support::alone();
     let dir = tempfile::tempdir().unwrap();
-    for signal in [libc::SIGUSR1, libc::SIGALRM, libc::SIGABRT] {
+    for signal in [libc::SIGUSR1, libc::SIGABRT, libc::SIGRTMIN()] {
         let log = path(dir.path(), &format!("run{signal}.mcap"));
         let child = recording(&log, &["--plan", "surge-4n"]);
         std::thread::sleep(Duration::from_millis(2000));
@@ -195,4 +195,32 @@ fn a_limit_on_the_size_of_a_file() {
     assert!(output.status.code().is_some(), "{}", words(&output));
     let output = hydroline().args(["info", &log]).output().unwrap();
     assert!(!words(&output).contains("CUT"), "{}", words(&output));
+}
+
+/// Few descriptors: a panic of a library, `failed to create UnixStream`.
+#[test]
+fn few_descriptors_are_a_clear_error_and_no_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = path(dir.path(), "run.mcap");
+    let record = ["record", "--rig", "lshpi", "--for", "1s", "--out", &log];
+    for (limit, words_of) in [
+        (8, &record[..]),
+        (20, &record[..]),
+        (8, &["rig", "show", "lshpi"][..]),
+    ] {
+        let output = Command::new("bash")
+            .args(["-c", &format!("ulimit -n {limit}; exec \"$@\""), "bash"])
+            .arg(hydroline().get_program())
+            .args(words_of)
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        let said = words(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(&format!("may open {limit} files")), "{said}");
+        assert!(
+            said.contains("ulimit -n 1024") && !said.contains("panicked"),
+            "{said}"
+        );
+    }
 }

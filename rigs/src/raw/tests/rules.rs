@@ -158,6 +158,29 @@ fn rules_between_keys() {
 }
 
 #[test]
+fn a_frame_beyond_what_a_log_holds_is_refused_where_the_rig_is_read() {
+    let of = |side_px: i64, format: &str| {
+        let mut table = full_rig("lshpi");
+        for key in ["width_px", "height_px"] {
+            table["camera"][key] = Value::Integer(side_px);
+        }
+        table["camera"]["pixel_format"] = Value::String(format.into());
+        Rig::from_toml(&table.to_string(), "a", None)
+    };
+    for (side_px, format) in [(8192, "GREY"), (4096, "RGB24"), (8192, "MJPG")] {
+        assert!(of(side_px, format).is_ok(), "{side_px} {format}");
+    }
+    for (side_px, format, bytes) in [
+        (8194, "GREY", "67141636"),
+        (8192, "YUYV", "134217728"),
+        (16384, "MJPG", "268435456"),
+    ] {
+        let error = of(side_px, format).expect_err(format);
+        tells(&error, &["camera.height_px", format, bytes, "67108864"]);
+    }
+}
+
+#[test]
 fn a_colour_cameras_keys_are_held_against_its_format() {
     let with = |edits: &[(&str, &str, Value)]| {
         let mut table = full_rig("lshpi");

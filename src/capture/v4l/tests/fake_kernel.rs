@@ -17,6 +17,19 @@ pub const AUTO_EXPOSURE: u32 = 0x009a_0901;
 pub const EXPOSURE: u32 = crate::v4l::controls::EXPOSURE_ABSOLUTE;
 pub const GAIN: u32 = 0x0098_0913;
 
+/// A small image as a camera's JPEG encoder makes it.
+pub fn jpeg() -> Vec<u8> {
+    let image = image::GrayImage::from_fn(64, 48, |x, y| {
+        let z = (f64::from(y) - 21.3 - 0.05 * f64::from(x)) / 2.0;
+        image::Luma([12 + (180.0 * (-0.5 * z * z).exp()) as u8 + ((x * 7 + y * 13) % 5) as u8])
+    });
+    let mut bytes = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)
+        .encode_image(&image)
+        .unwrap();
+    bytes
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
     Unplug,
@@ -31,6 +44,8 @@ pub enum Fault {
     Damage,
     /// The next frame is half as long.
     Halve,
+    /// Bytes in the middle of the next frame are gone.
+    Hole,
     /// The device drops n frames: no trace in the sequence.
     DeviceDrop(u32),
     /// The driver drops n frames: a gap in the sequence.
@@ -76,6 +91,7 @@ pub struct World {
     fatal_starts: u32,
     damage: bool,
     halve: bool,
+    hole: bool,
     device_drop: u32,
     interrupts: u32,
     sequence: u32,
@@ -121,6 +137,7 @@ impl World {
             fatal_starts: 0,
             damage: false,
             halve: false,
+            hole: false,
             device_drop: 0,
             interrupts: 0,
             sequence: 0,
@@ -150,6 +167,7 @@ impl World {
             }
             Fault::Damage => self.damage = true,
             Fault::Halve => self.halve = true,
+            Fault::Hole => self.hole = true,
             Fault::DeviceDrop(n) => self.device_drop += n,
             Fault::DriverDrop(n) => {
                 self.sequence = self.sequence.wrapping_add(n).wrapping_add(self.lose(n))
@@ -215,14 +233,16 @@ impl World {
             return;
         };
         let mut data = if self.jpeg {
-            let mut j = vec![0x55; 1000];
-            (j[0], j[1], j[998], j[999]) = (0xff, 0xd8, 0xff, 0xd9);
-            j
+            jpeg()
         } else {
             vec![sequence as u8; self.format.size_bytes as usize]
         };
         if std::mem::take(&mut self.halve) {
             data.truncate(data.len() / 2);
+        }
+        if std::mem::take(&mut self.hole) {
+            let middle = data.len() / 2;
+            data.drain(middle..middle + data.len() / 8);
         }
         let error = if std::mem::take(&mut self.damage) {
             flags::ERROR

@@ -39,17 +39,29 @@ kinds! {
         "allowed_s" ["s"] "`thrusters.link.timeout_s`",
     };
     THRUSTER_ECHO_MISMATCH "thruster.echo_mismatch" [Warning]
-        "The controller's echo has another pulse width than was sent. At most once a second." {
+        "The controller's echo has another pulse width than was sent, or other channels. At most once a second." {
         "sent_us" ["us"] "pulse width sent",
-        "echo_us" ["us"] "pulse width that the controller puts out",
+        "echo_us" ["us"] "pulse width that the controller puts out, where it says one",
         "count" [""] "sets like this, since it was last said",
     };
     THRUSTER_CONTRADICTED "thruster.contradicted" [Error]
-        "The controller goes on putting out other pulses than it was sent; the thrusters go to neutral." {
+        "The controller goes on putting out other pulses than it was sent, or does not say what it puts out; the thrusters go to neutral." {
         "sent_us" ["us"] "pulse width sent",
-        "echo_us" ["us"] "pulse width that the controller puts out",
+        "echo_us" ["us"] "pulse width that the controller puts out, where it says one",
         "for_s" ["s"] "for how long it has done so",
         "allowed_s" ["s"] "`thrusters.link.timeout_s`",
+    };
+    THRUSTER_FAULT "thruster.fault" [Error]
+        "Every answer of the controller reports errors; the thrusters go to neutral." {
+        "bits" [""] "the controller's error bits, of the last report",
+        "for_s" ["s"] "for how long it has done so",
+        "allowed_s" ["s"] "`thrusters.link.timeout_s`",
+    };
+    THRUSTER_CLOCK_RATE "thruster.clock_rate" [Warning]
+        "The controller's clock runs at another rate than any sound one: its pulses are off by as much. Said once after each of its starts." {
+        "drift_ppm" ["ppm"] "rate against this computer's clock, positive = fast",
+        "drift_sd_ppm" ["ppm"] "its standard deviation",
+        "allowed_ppm" ["ppm"] "what is taken for usual",
     };
     THRUSTER_UNANSWERED "thruster.unanswered" [Warning]
         "Commands were not answered by the controller. At most once a second." {

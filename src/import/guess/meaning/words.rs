@@ -52,7 +52,8 @@ const TIME_SUFFIXES: [(&str, &str); 9] = [
 pub(super) fn split(name: &str) -> Vec<String> {
     let bare = match name.find(['[', '(', '{']) {
         Some(at) if at > 0 => &name[..at],
-        _ => name,
+        _ => crate::unit::in_degrees(name)
+            .map_or(name, |unit| &name[..name.trim_end().len() - unit.len()]),
     };
     let mut words: Vec<String> = vec![String::new()];
     let mut before = ' ';
@@ -75,7 +76,7 @@ pub(super) fn split(name: &str) -> Vec<String> {
 impl Words {
     pub fn of(name: &str) -> Words {
         let mut words = split(name);
-        let timely = words.iter().any(|w| is_time(w));
+        let timely = tells_time(&words);
         let mut unit = None;
         if words.len() >= 2 && timely {
             let last = words[words.len() - 1].clone();
@@ -108,10 +109,15 @@ impl MapStrings for &[&str] {
     }
 }
 
-pub(super) fn is_time(word: &str) -> bool {
+/// Whether words name a time; `t` does so first, not behind another word, of which it is a letter (`Water T`).
+pub(super) fn tells_time(words: &[String]) -> bool {
+    words.first().is_some_and(|w| w == "t") || words.iter().any(|w| is_time(w))
+}
+
+fn is_time(word: &str) -> bool {
     matches!(
         word,
-        "t" | "time"
+        "time"
             | "timestamp"
             | "stamp"
             | "timestamps"

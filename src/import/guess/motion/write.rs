@@ -1,6 +1,7 @@
 //! The guessed channels as a map has them.
 
 use super::super::Draft;
+use super::super::file::quoted;
 use super::super::shape::Shape;
 use super::super::stats::{Column, Stats};
 use super::{LOADS, Motion};
@@ -103,6 +104,16 @@ impl Motion {
 
 /// Cells that may be empty.
 fn missing(column: &Column, draft: &mut Draft) {
+    if let (Some(word), 0) = (&column.word, column.other_words) {
+        draft.line("missing = \"skip\"");
+        draft.line(format!("missing_value = {}", quoted(word)));
+        draft.remarks.push(format!(
+            "{} of {} cells hold '{word}': taken as not measured in that row",
+            column.words,
+            column.rows()
+        ));
+        return;
+    }
     if column.empty == 0 {
         return;
     }

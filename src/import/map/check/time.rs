@@ -5,6 +5,7 @@ use chrono::format::{Item, StrftimeItems};
 use super::Checker;
 use crate::map::raw::{RawTime, RawUnits};
 use crate::map::{Column, MapError, TimeMap, TimeSource};
+use crate::stamp::{self, Zone};
 use crate::unit::{self, Dimension};
 
 /// Days from a spreadsheet's zero (1899-12-30) to 1970-01-01.
@@ -13,6 +14,8 @@ const SPREADSHEET_DAYS: i128 = 25_569;
 const MATLAB_DAYS: i128 = 719_529;
 /// Seconds from LabVIEW's zero (1904-01-01) to 1970-01-01.
 const LABVIEW_S: i128 = 2_082_844_800;
+/// Runs of one file that can be chosen.
+const RUNS_MAX: u32 = 10_000;
 const SECOND_NS: i128 = 1_000_000_000;
 const DAY_NS: i128 = 86_400_000_000_000;
 
@@ -144,6 +147,16 @@ impl Checker<'_> {
                 return self.bad("time.clock", other, "it must be relative or unix");
             }
         }
+        let counts = matches!(source, TimeSource::Numbers(_) | TimeSource::Frames(_)) && !unix;
+        if let Some(boot) = raw.boot.filter(|b| !(1..=RUNS_MAX).contains(b) || !counts) {
+            return self.bad(
+                "time.boot",
+                boot,
+                format!(
+                    "it is which run (1 .. {RUNS_MAX}) of a counter that starts anew; dates and UNIX times do not: from_s and to_s choose rows of those"
+                ),
+            );
+        }
         for (key, value) in [
             ("start_unix_s", raw.start_unix_s),
             ("from_s", raw.from_s),
@@ -157,6 +170,20 @@ impl Checker<'_> {
                 );
             }
         }
+        let utc_offset_min = match raw.utc_offset.as_deref() {
+            None => None,
+            Some(text) => {
+                let dated = matches!(source, TimeSource::Iso(_) | TimeSource::Pattern(..));
+                let Some(Zone::Offset(minutes)) = stamp::zone(text).filter(|_| dated) else {
+                    return self.bad(
+                        "time.utc_offset",
+                        text,
+                        "it is the offset of stamps that state none, such as \"+02:00\" or \"Z\", for unit = \"iso8601\" and format",
+                    );
+                };
+                Some(minutes)
+            }
+        };
         let compare = match raw.compare_column.take() {
             None => None,
             Some(column) => {
@@ -182,6 +209,8 @@ impl Checker<'_> {
             unix,
             epoch_ns,
             start_unix_s: raw.start_unix_s,
+            boot: raw.boot,
+            utc_offset_min,
             from_s: raw.from_s,
             to_s: raw.to_s,
             compare,

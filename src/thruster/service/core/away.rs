@@ -128,6 +128,7 @@ impl Core {
         self.neutral_open = None;
         self.unechoed_since_ns = None;
         self.contradicted = None;
+        self.standing = None;
         self.unechoed.clear();
         self.emit_what_left();
         self.lost(why);

@@ -1,19 +1,13 @@
 //! While there is a line: due set-points, answers, the log of what has left.
 
-use super::{Contradiction, Core, Flow, Outgoing, STEP_NS};
-use crate::ChannelPulse;
+use super::{Core, Flow, Outgoing, STEP_NS};
 use crate::link::{Echo, LinkEvent};
 use crate::record::{CommandRecord, EchoRecord, LinkRecord};
 use crate::safety::{NeutralReason, State};
 use crate::scheduler::Tick;
 use crate::service::PlanState;
 use hydroline_core::event::{Severity, kind};
-use hydroline_rigs::LinkKind;
-use std::sync::Arc;
 use std::time::Duration;
-
-/// Resolution of both wires \[1/4 us\].
-const RESOLUTION_QUARTER_US: u16 = 1;
 
 impl Core {
     pub(super) fn connected(&mut self) -> Flow {
@@ -52,6 +46,7 @@ impl Core {
         self.check_silence();
         self.check_echoes();
         self.check_contradiction();
+        self.check_faults();
         self.farewell()
     }
 
@@ -122,8 +117,10 @@ impl Core {
                     self.last_clock_ns = now_ns;
                     (self.sink)(LinkRecord::Clock(estimate.record()));
                 }
+                self.judge_clock(&estimate);
             }
             LinkEvent::Errors { bits, names } => {
+                self.reported(bits, &names);
                 self.noisy(Severity::Warning, &kind::THRUSTER_ERROR_BITS, |n| {
                     (
                         format!("the controller reports {}", names.join(", ")),
@@ -167,6 +164,9 @@ impl Core {
 
     pub(super) fn echo(&mut self, echo: Echo) {
         self.unechoed_since_ns = None;
+        if echo.errors == 0 {
+            self.standing = None;
+        }
         self.compare(&echo);
         // An echo proves that the command's bytes have left, whatever the model of the line says.
         while let Some(first) = self.outbox.front_mut()
@@ -175,20 +175,21 @@ impl Core {
             first.out_ns = first.out_ns.min(echo.received_ns);
             self.emit_first();
         }
-        let neutral = ChannelPulse::from_us(0, self.config.set.neutral_us).quarter_us;
         if let Some((sequence, _)) = self.neutral_open
             && echo.sequence.wrapping_sub(sequence) as i32 >= 0
-            && echo
-                .pulses
-                .iter()
-                .all(|p| p.quarter_us == neutral || !self.is_ours(p.channel))
+            && self.confirms_neutral(&echo)
         {
             self.neutral_open = None;
+            if self.safety.state() != State::Running {
+                self.at_rest = Some(true);
+            }
             if self.plan.is_some() && self.config.resume_after_loss {
                 self.safety.arm();
             }
         }
-        self.shared.stats(|s| s.echoed += 1);
+        if self.is_in_full(&echo) {
+            self.shared.stats(|s| s.echoed += 1);
+        }
         let timestamp_ns = self.clock.triple().monotonic_to_unix_ns(echo.received_ns);
         for (thruster, name) in self.config.set.thrusters.iter().zip(&self.names) {
             let Some(pulse) = echo.pulses.iter().find(|p| p.channel == thruster.channel) else {
@@ -204,14 +205,6 @@ impl Core {
                 errors: echo.errors,
             }));
         }
-    }
-
-    pub(super) fn is_ours(&self, channel: u8) -> bool {
-        self.config
-            .set
-            .thrusters
-            .iter()
-            .any(|t| t.channel == channel)
     }
 
     /// Logs the commands whose last byte is out.
@@ -275,120 +268,11 @@ impl Core {
         }
     }
 
-    /// A controller that talks but never confirms a set-point is not known to obey.
-    fn check_echoes(&mut self) {
-        let Some(since_ns) = self.unechoed_since_ns else {
-            return;
-        };
-        let unechoed_s = self.now().saturating_sub(since_ns) as f64 * 1e-9;
-        let timeout_s = self.config.set.link.timeout_s;
-        if unechoed_s > timeout_s && self.safety.state() == State::Running {
-            self.event(
-                Severity::Error,
-                &kind::THRUSTER_NO_ECHO,
-                format!(
-                    "the controller answers, but has not echoed a command for {unechoed_s:.3} s \
-                     ({timeout_s:.3} s are allowed): neutral"
-                ),
-                &[("unechoed_s", unechoed_s), ("allowed_s", timeout_s)],
-            );
-            self.go_neutral(NeutralReason::Lost, "no echo of the commands");
-        }
-    }
-
-    /// A controller that goes on saying that it puts out something else does not obey. One wrong echo may be a byte
-    /// that was disturbed (the Maestro has no check sum); without a sound one for as long as a silence may last, it is none.
-    fn check_contradiction(&mut self) {
-        let Some(found) = &self.contradicted else {
-            return;
-        };
-        let for_s = self.now().saturating_sub(found.since_ns) as f64 * 1e-9;
-        let timeout_s = self.config.set.link.timeout_s;
-        if for_s <= timeout_s || self.safety.state() != State::Running {
-            return;
-        }
-        let (sent_us, echo_us) = (found.sent_us, found.echo_us);
-        let message = format!(
-            "{}: {sent_us:.2} us commanded, but the controller has said otherwise for {for_s:.3} s ({timeout_s:.3} s are allowed), last {echo_us:.2} us: neutral; \
-             check the controller's own limits, speed and acceleration, and that no other program drives it",
-            found.thruster
-        );
-        self.event(
-            Severity::Error,
-            &kind::THRUSTER_CONTRADICTED,
-            message,
-            &[
-                ("sent_us", sent_us),
-                ("echo_us", echo_us),
-                ("for_s", for_s),
-                ("allowed_s", timeout_s),
-            ],
-        );
-        self.go_neutral(
-            NeutralReason::Contradicted,
-            "the controller contradicts the commands",
-        );
-    }
-
-    /// Holds an echo against the command it answers.
-    fn compare(&mut self, echo: &Echo) {
-        while let Some(first) = self.unechoed.front()
-            && first.sequence.wrapping_sub(echo.sequence) as i32 <= 0
-            && let Some(first) = self.unechoed.pop_front()
-        {
-            if first.sequence != echo.sequence {
-                continue;
-            }
-            // A Maestro is asked for its position right behind the target, and may not have taken it over yet (it
-            // refreshes its outputs once per servo frame): the pulse of the set before is no mistake there.
-            let may_lag = self.config.set.link.kind == LinkKind::Maestro;
-            let wrong = echo.pulses.iter().find_map(|got| {
-                let same = |set: &[ChannelPulse]| {
-                    let sent = set.iter().find(|p| p.channel == got.channel)?;
-                    Some((
-                        *sent,
-                        sent.quarter_us.abs_diff(got.quarter_us) <= RESOLUTION_QUARTER_US,
-                    ))
-                };
-                let (sent, right) = same(&first.pulses)?;
-                let lags = may_lag && same(&first.before).is_some_and(|(_, right)| right);
-                (!right && !lags).then_some((sent, *got))
-            });
-            let Some((sent, got)) = wrong else {
-                self.contradicted = None;
-                continue;
-            };
-            let thrusters = &self.config.set.thrusters;
-            let index = thrusters.iter().position(|t| t.channel == got.channel);
-            let name = index.map_or_else(|| Arc::from("?"), |i| self.names[i].clone());
-            let (sent_us, got_us) = (sent.pulse_us(), got.pulse_us());
-            self.contradicted = Some(Contradiction {
-                since_ns: self
-                    .contradicted
-                    .take()
-                    .map_or(echo.received_ns, |c| c.since_ns),
-                thruster: name.clone(),
-                sent_us,
-                echo_us: got_us,
-            });
-            self.noisy(Severity::Warning, &kind::THRUSTER_ECHO_MISMATCH, |n| {
-                (
-                    format!("{name}: {sent_us:.2} us commanded, the controller puts out {got_us:.2} us ({n} sets like this)"),
-                    vec![
-                        ("sent_us", sent_us),
-                        ("echo_us", got_us),
-                        ("count", n as f64),
-                    ],
-                )
-            });
-        }
-    }
-
     pub(super) fn farewell(&mut self) -> Flow {
         let Some(until_ns) = self.farewell_ns else {
             return Flow::Continue;
         };
-        let confirmed = self.neutral_open.is_none() && self.outbox.is_empty();
+        let confirmed = !self.is_neutral_open() && self.outbox.is_empty();
         if !confirmed && self.link.is_some() && self.now() < until_ns {
             return Flow::Continue;
         }
@@ -399,7 +283,8 @@ impl Core {
             self.event(
                 Severity::Error,
                 &kind::THRUSTER_NEUTRAL,
-                "ended without the controller's confirmation of neutral: its watchdog has to act"
+                "ended without the controller's confirmation of neutral: its watchdog has to act; look whether the \
+                 thrusters stand, and switch them off if they do not"
                     .into(),
                 &[],
             );

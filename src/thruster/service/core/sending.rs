@@ -121,6 +121,9 @@ impl Core {
         let sent = match link.send(sequence, &pulses, neutral) {
             Ok(sent) => sent,
             Err(error) => {
+                if !neutral {
+                    self.at_rest = Some(false);
+                }
                 // Its number is taken and perhaps half of it is out: it is named with those queued before it.
                 self.outbox.push_back(Outgoing {
                     sequence,
@@ -156,8 +159,10 @@ impl Core {
         if neutral {
             // A repeated neutral has a patience of its own.
             self.unechoed_since_ns = None;
+            self.at_rest.get_or_insert(false);
         } else {
             self.unechoed_since_ns.get_or_insert(sent.last_byte_out_ns);
+            self.at_rest = Some(false);
         }
         if self.unechoed.len() == UNECHOED_SETS {
             self.unechoed.pop_front();
@@ -167,6 +172,7 @@ impl Core {
             sequence,
             pulses,
             before,
+            neutral,
         });
         self.outbox.push_back(Outgoing {
             sequence,

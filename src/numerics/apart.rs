@@ -1,6 +1,6 @@
 //! Samples that stand apart from their neighbours: no model is asked.
 
-use hydroline_numerics::statistics::robust_sd;
+use crate::statistics::robust_sd;
 
 /// Robust sd from the cubic through its neighbours beyond which a sample may be an outlier.
 const APART_SD: f64 = 6.0;
@@ -67,12 +67,14 @@ pub fn not_apart(times_s: &[f64], values: &[f64]) -> Vec<bool> {
             let sample = present[i];
             let bar = limit.max(ISOLATED * sizes[i]);
             // Misfit of those around it among themselves without some of them.
+            let beside =
+                [sample.saturating_sub(11), sample + 12].map(|k| rest.partition_point(|r| *r < k));
             let misfit = |without: &[usize]| {
-                let mut near: Vec<usize> = rest
+                let mut near: Vec<usize> = rest[beside[0]..beside[1]]
                     .iter()
                     .copied()
                     .chain([sample])
-                    .filter(|k| !without.contains(k) && k.abs_diff(sample) < 12)
+                    .filter(|k| !without.contains(k))
                     .collect();
                 near.sort_unstable();
                 let at = near.partition_point(|k| *k < sample);

@@ -1,0 +1,182 @@
+//! Damaged JPEGs from file to stripe: no points of them, and how many there were is said, whichever way they come.
+
+use crate::formats::{profiles, run};
+use hydroline::log::{LogReader, Record};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const T0_NS: u64 = 1_760_000_000_000_000_000;
+const PERIOD_NS: u64 = 40_000_000;
+
+/// A tilted stripe of 320 x 240.
+fn sound() -> Vec<u8> {
+    let image = image::GrayImage::from_fn(320, 240, |x, y| {
+        let z = (f64::from(y) - 120.3 - 0.02 * f64::from(x)) / 2.0;
+        let dither = (x * 7 + y * 13) % 5;
+        image::Luma([10 + (180.0 * (-0.5 * z * z).exp()) as u8 + dither as u8])
+    });
+    let mut bytes = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95);
+    encoder.encode_image(&image).unwrap();
+    bytes
+}
+
+/// Frames by number: sound ones, and what USB, card and copying do to the others.
+fn frames() -> (Vec<Vec<u8>>, [u32; 5]) {
+    let whole = sound();
+    let middle = whole.len() / 2;
+    let hole = [&whole[..middle], &whole[middle + 700..]].concat();
+    let cut = whole[..whole.len() * 2 / 3].to_vec();
+    let zeroed = [&whole[..middle], &[0; 512], &whole[middle + 512..]].concat();
+    let head = whole[..30].to_vec();
+    let nothing = vec![0; 900];
+    let frames = [
+        whole.clone(),
+        hole,
+        whole.clone(),
+        cut,
+        zeroed,
+        whole.clone(),
+        head,
+        nothing,
+        whole,
+    ];
+    (frames.to_vec(), [1, 3, 4, 6, 7])
+}
+
+/// `sensor_msgs/msg/CompressedImage` as ROS 2 serialises it, little endian.
+fn message(k: u32, data: &[u8]) -> Vec<u8> {
+    let mut out = vec![0, 1, 0, 0];
+    out.extend(1_760_000_000u32.to_le_bytes());
+    out.extend((k * PERIOD_NS as u32).to_le_bytes());
+    for text in ["camera\0\0", "jpeg\0\0\0\0"] {
+        let length = text.trim_end_matches('\0').len() as u32 + 1;
+        out.extend(length.to_le_bytes());
+        out.extend(text.as_bytes());
+    }
+    out.extend((data.len() as u32).to_le_bytes());
+    out.extend(data);
+    out
+}
+
+fn bag(path: &Path, frames: &[Vec<u8>]) {
+    let mut writer = mcap::Writer::new(std::fs::File::create(path).unwrap()).unwrap();
+    let schema = writer
+        .add_schema("sensor_msgs/msg/CompressedImage", "ros2msg", b"x")
+        .unwrap();
+    let channel = writer
+        .add_channel(schema, "/cam/compressed", "cdr", &BTreeMap::new())
+        .unwrap();
+    for (k, data) in (0u32..).zip(frames) {
+        let at = T0_NS + u64::from(k) * PERIOD_NS;
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: 0,
+            log_time: at,
+            publish_time: at,
+        };
+        writer
+            .write_to_known_channel(&header, &message(k, data))
+            .unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// The report holds these frames for lost, and the new log has no point of them.
+fn lost(stdout: &str, log: &Path, damaged: &[u32]) {
+    let said: Value = serde_json::from_str(stdout).unwrap();
+    let report = &said["replays"][0]["report"];
+    assert_eq!(report["undecodable"], damaged.len(), "{report}");
+    assert_eq!(report["undecodable_frames"], serde_json::json!(damaged));
+    for profile in profiles(log) {
+        let is_damaged = damaged.contains(&profile.sequence);
+        assert_eq!(profile.row_px.is_empty(), is_damaged, "{profile:?}");
+        assert_eq!(
+            profile.fault.contains("damaged JPEG"),
+            is_damaged,
+            "{profile:?}"
+        );
+    }
+}
+
+#[test]
+fn damaged_jpegs_of_a_bag_give_no_points_and_are_counted_and_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let (log, out) = (dir.path().join("bag.mcap"), dir.path().join("out.mcap"));
+    let (frames, damaged) = frames();
+    bag(&log, &frames);
+    let line = "replay FILE --keep-images --json --out FILE";
+    let (code, stdout, stderr) = run(line, &[&log, &out]);
+    assert_eq!(code, 3, "{stderr}");
+    assert!(
+        stderr.contains("5 of 9 frames cannot be read") && stderr.contains("1, 3, 4, 6, 7"),
+        "{stderr}"
+    );
+    lost(&stdout, &out, &damaged);
+    // The new log marks them itself.
+    let faults = LogReader::open(&out)
+        .unwrap()
+        .filter_map(|m| match m.unwrap().record {
+            Record::FrameInfo(info) => Some((info.sequence, info.fault)),
+            _ => None,
+        });
+    for (sequence, fault) in faults {
+        let wanted = match damaged.contains(&sequence) {
+            true => "broken_jpeg",
+            false => "",
+        };
+        assert_eq!(fault, wanted, "{sequence}");
+    }
+    // Import takes no images, and says of them what it sees in passing.
+    let (_, stdout, stderr) = run("import --guess FILE", &[&log]);
+    let said = stdout + &stderr;
+    assert!(
+        said.contains("images of /cam/compressed") && said.contains("5"),
+        "{said}"
+    );
+    let calibration = dir.path().join("c.toml");
+    let line = "calibrate FILE --board dots-50 --out FILE";
+    let (code, _, stderr) = run(line, &[&log, &calibration]);
+    assert!(code == 1, "{code}: {stderr}");
+    assert!(stderr.contains("frame 3: damaged JPEG"), "{stderr}");
+}
+
+#[test]
+fn damaged_jpegs_of_a_folder_are_left_out_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("frames");
+    std::fs::create_dir(&folder).unwrap();
+    let (mut frames, _) = frames();
+    // Without any trace of an image it is a file that is none.
+    frames.pop();
+    frames.pop();
+    for (k, data) in frames.iter().enumerate() {
+        std::fs::write(folder.join(format!("img{k}.jpg")), data).unwrap();
+    }
+    let (code, stdout, stderr) = run("extract FILE --json", &[&folder]);
+    assert_eq!(code, 3, "{stderr}");
+    for name in ["img1.jpg", "img3.jpg", "img4.jpg", "img6.jpg"] {
+        let of = stderr.lines().find(|l| l.contains(name)).unwrap();
+        assert!(of.contains("damaged JPEG"), "{of}");
+    }
+    assert!(stderr.contains("4 of 7 images are damaged"), "{stderr}");
+    let said: Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(said["images"].as_array().unwrap().len(), 3, "{said}");
+
+    let out = dir.path().join("out.mcap");
+    let line = "replay FILE --rate-hz 25 --json --out FILE";
+    let (code, stdout, stderr) = run(line, &[&folder, &out]);
+    assert_eq!(code, 3, "{stderr}");
+    assert!(
+        stderr.contains("img1.jpg, img3.jpg, img4.jpg, img6.jpg"),
+        "{stderr}"
+    );
+    lost(&stdout, &out, &[1, 3, 4, 6]);
+
+    // Alone it is bad input.
+    let alone = folder.join("img4.jpg");
+    let (code, stdout, stderr) = run("extract FILE --csv", &[&alone]);
+    assert_eq!((code, stdout.as_str()), (2, ""), "{stderr}");
+    assert!(stderr.contains("no image is whole"), "{stderr}");
+}
