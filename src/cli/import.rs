@@ -97,9 +97,9 @@ pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
     match error {
         RecordedError::Io(e) => CliError::reading(path, &e, "name a table (CSV) or a log"),
         // These say what to do themselves.
-        own @ (RecordedError::Topic { .. } | RecordedError::NotRead { .. }) => {
-            CliError::Config(format!("{}: {own}", path.display()))
-        }
+        own @ (RecordedError::Topic { .. }
+        | RecordedError::NotRead { .. }
+        | RecordedError::NoParts { .. }) => CliError::Config(format!("{}: {own}", path.display())),
         other => CliError::Config(format!(
             "{}: {other}; check the file, or name another",
             path.display()

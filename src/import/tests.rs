@@ -6,6 +6,7 @@ mod foreign;
 mod inputs;
 mod layouts;
 mod motions;
+mod recordings;
 mod reports;
 mod values;
 mod written;
