@@ -104,6 +104,7 @@ pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
         own @ (RecordedError::Topic { .. }
         | RecordedError::NotRead { .. }
         | RecordedError::Flags { .. }
+        | RecordedError::NoParts { .. }
         | RecordedError::Damaged { .. }) => CliError::Config(format!("{}: {own}", path.display())),
         other => CliError::Config(format!(
             "{}: {other}; check the file, or name another",

@@ -110,7 +110,21 @@ pub(super) struct LogInfo {
 
 impl std::fmt::Display for LogInfo {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}", self.info)?;
+        let info = self.info.to_string();
+        let (first, rest) = info.split_once('\n').unwrap_or((&info, ""));
+        plain::line(f, format_args!("{first}"))?;
+        // Of a loss nothing else in the log's own account speaks, and what follows may be long.
+        let topics = self.importable.iter().flat_map(|c| &c.topics);
+        for t in topics.filter(|t| t.undecoded > 0) {
+            plain::line(
+                f,
+                format_args!(
+                    "  NOT READ     {} of {} messages of {} cannot be decoded",
+                    t.undecoded, t.messages, t.topic
+                ),
+            )?;
+        }
+        write!(f, "{rest}")?;
         if let Some(why) = &self.not_importable {
             plain::line(f, format_args!("`hydroline import` cannot take it: {why}"))?;
         }

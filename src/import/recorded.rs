@@ -2,8 +2,9 @@
 //!
 //! `message` (what a message is) <- `mcap` `db3` `dataflash` `telemetry` `ulog` (readers) -> `contents` (what there is)
 //! and `columns`, `table` (what the map names, in the order of stamps). The table goes the way of every other. Damaged records
-//! are passed over, counted and said.
+//! are passed over, counted and said; `bag` holds the files of a bag against its own account of itself.
 
+mod bag;
 mod columns;
 mod contents;
 mod dataflash;
@@ -22,7 +23,9 @@ pub(crate) mod table;
 mod telemetry;
 mod ulog;
 mod window;
+mod yaml;
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -32,6 +35,8 @@ use hydroline_rigs::bounded;
 use crate::check::{Finding, FindingList};
 use crate::map::Map;
 use crate::source::{Source, State};
+use bag::Bag;
+use contents::is_topic;
 pub use contents::{Contents, FieldContents, TopicContents};
 pub use hydroline_log::foreign::Foreign;
 use hydroline_log::foreign::{self, Content};
@@ -39,6 +44,9 @@ use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
 pub(crate) use packed_file::Packing;
 use packed_file::Unpacked;
+
+/// Name of what is broken in the file itself, in [`Unreadable::what`].
+pub(crate) const DAMAGED: &str = "damaged records";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -88,6 +96,11 @@ impl Kind {
         }
     }
 
+    /// Whether such files are recorded as bags, with one clock for stamps and recording.
+    fn is_of_bags(self) -> bool {
+        matches!(self, Kind::Mcap | Kind::Db3)
+    }
+
     fn read(self, path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
         match self {
             Kind::Mcap => mcap::read(path, sink),
@@ -105,8 +118,11 @@ pub struct Recording {
     files: Unpacked,
     /// Files as they were opened.
     states: Vec<State>,
+    /// The same as they lie in the folder, some of them packed.
+    named: Vec<PathBuf>,
     kind: Kind,
     contents: Contents,
+    bag: Bag,
     topics: Vec<String>,
 }
 
@@ -137,30 +153,51 @@ impl Recording {
     /// # Errors
     /// [`RecordedError`] of a log that cannot be read.
     pub fn open(path: &Path) -> Result<Option<Recording>, RecordedError> {
-        let files = if path.is_dir() {
-            let files = files_of(path)?;
-            for file in &files {
-                let named =
-                    |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", file.display()));
-                bounded::check_file(file).map_err(named)?;
+        let mut bag = Bag::beside(path)?;
+        let mut named = vec![path.to_owned()];
+        if path.is_dir() {
+            named = files_of(path)?;
+            // In the order in which they were recorded; what the bag does not name comes last, as its own name has it.
+            named.sort_by_key(|p| bag.place_of(p).unwrap_or(usize::MAX));
+            if let (true, Some(parts)) = (named.is_empty(), bag.named()) {
+                return Err(RecordedError::NoParts { parts });
             }
-            files
-        } else {
-            vec![path.to_owned()]
-        };
-        let files = Unpacked::of(files)?;
-        let Some(first) = files.files.first() else {
-            return Ok(None);
-        };
-        let head = head::head(first, foreign::HEAD_BYTES)?;
-        let Some(kind) = Kind::of(&head)? else {
-            return Ok(None);
+            for file in &named {
+                let of_file =
+                    |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", file.display()));
+                bounded::check_file(file).map_err(of_file)?;
+            }
+        }
+        let files = Unpacked::of(named.clone())?;
+        // The first part of a bag may be damaged at its head: the next one tells the kind.
+        let mut not_read = None;
+        let mut kind = None;
+        for file in &files.files {
+            match Kind::of(&head::head(file, foreign::HEAD_BYTES)?) {
+                Ok(Some(own)) => {
+                    kind = Some(own);
+                    break;
+                }
+                Ok(None) => {}
+                Err(error) => not_read = not_read.or(Some(error)),
+            }
+        }
+        let Some(kind) = kind else {
+            return not_read.map_or(Ok(None), Err);
         };
         let states: Result<Vec<State>, _> = files.files.iter().map(|f| State::of(f)).collect();
         let states = states?;
         let mut gather = contents::Gather::default();
-        let account = read(kind, &files.files, &mut gather)?;
-        let contents = gather.finish(kind.words(), account);
+        let mut counts = Vec::new();
+        let account = read(kind, &named, &files.files, &mut gather, &mut counts)?;
+        for (file, counts) in named.iter().zip(counts) {
+            bag.add(file, counts);
+        }
+        let mut contents = gather.finish(kind.words(), account);
+        if kind.is_of_bags() {
+            let said = bag.findings(None).into_iter();
+            contents.bag = said.map(|f| f.message).collect();
+        }
         if contents.topics.iter().all(|t| t.fields.is_empty()) && contents.messages > 0 {
             let reasons: Vec<String> = contents
                 .unreadable
@@ -178,8 +215,10 @@ impl Recording {
         Ok(Some(Recording {
             files,
             states,
+            named,
             kind,
             contents,
+            bag,
             topics: Vec::new(),
         }))
     }
@@ -193,16 +232,9 @@ impl Recording {
             // A name without its instance stands for all of them.
             let is_there = |t: &TopicContents| is_topic(&t.topic, topic);
             if !self.contents.topics.iter().any(is_there) {
-                let all: Vec<&str> = self
-                    .contents
-                    .topics
-                    .iter()
-                    .filter(|t| !t.fields.is_empty())
-                    .map(|t| t.topic.as_str())
-                    .collect();
                 return Err(RecordedError::Topic {
                     topic: topic.clone(),
-                    topics: all.join(" "),
+                    others: self.contents.nameable(),
                 });
             }
         }
@@ -222,7 +254,7 @@ impl Recording {
 
     /// Whether recording and stamps are of one clock.
     pub(crate) fn one_clock(&self) -> bool {
-        matches!(self.kind, Kind::Mcap | Kind::Db3)
+        self.kind.is_of_bags()
     }
 
     /// The fields that a map names, as a table, and the map for it.
@@ -230,32 +262,33 @@ impl Recording {
     /// # Errors
     /// Those of the files.
     pub fn table(&self, map: &Map) -> Result<RecordedTable, RecordedError> {
-        let mut findings = Vec::new();
-        // The cause comes before what follows from it.
-        self.damage(&mut findings);
-        if self.contents.topics.is_empty()
-            && let Some(cause) = findings.first()
-        {
-            let damage = cause.message.split("; ").next().unwrap_or_default();
+        if let (true, Some(damage)) = (self.contents.topics.is_empty(), self.damage()) {
+            let damage = damage.message.split("; ").next().unwrap_or_default();
             return Err(RecordedError::Damaged {
                 damage: damage.to_owned(),
                 next: self.kind.mending(),
             });
         }
+        let mut wrong = Vec::new();
         let chosen = |topic: &str| self.is_chosen(topic);
-        let columns = columns::Columns::of(map, &self.contents, &chosen, &mut findings);
+        let columns = columns::Columns::of(map, &self.contents, &chosen, &mut wrong);
         let own = columns.map_for_table(map);
         let mut scratch = tempfile::tempfile()?;
-        let several = columns.topics().len() > 1;
-        let mut writer = table::Writer::new(
-            columns,
-            &self.contents.topics,
-            self.one_clock(),
-            &mut scratch,
-        )?;
-        read(self.kind, &self.files.files, &mut writer)?;
+        let places = columns.topics();
+        let several = places.len() > 1;
+        let topics = &self.contents.topics;
+        let mapped: Vec<String> = places.iter().map(|p| topics[*p].topic.clone()).collect();
+        let mut writer = table::Writer::new(columns, topics, self.one_clock(), &mut scratch)?;
+        let account = self.read(&mut writer)?;
         self.states.iter().try_for_each(State::unchanged)?;
         let (rows, found) = writer.finish()?;
+        // The cause comes before what follows from it.
+        let mut findings: Vec<Finding> = self.damage().into_iter().collect();
+        if self.kind.is_of_bags() {
+            findings.extend(self.bag.findings(Some(&mapped)));
+        }
+        self.unreadable(&account, &mapped, &mut findings);
+        findings.extend(wrong);
         findings.extend(found);
         let of = if several { ", one for each stamp" } else { "" };
         findings.info(
@@ -272,51 +305,101 @@ impl Recording {
         })
     }
 
-    fn damage(&self, findings: &mut Vec<Finding>) {
-        for u in &self.contents.unreadable {
-            let words = format!(
-                "{}: {} not read, the first at {}: {}",
-                u.what, u.count, u.first_at, u.reason
+    fn read(&self, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+        let mut counts = Vec::new();
+        read(self.kind, &self.named, &self.files.files, sink, &mut counts)
+    }
+
+    /// Damaged records of the log.
+    fn damage(&self) -> Option<Finding> {
+        let mut unreadable = self.contents.unreadable.iter();
+        let own = unreadable.find(|u| u.what == DAMAGED)?;
+        let bytes = match self.contents.skipped_bytes {
+            0 => String::new(),
+            n => format!("; {n} bytes belong to no record"),
+        };
+        Some(Finding::fault(
+            "damaged_records",
+            None,
+            format!(
+                "{}{bytes}; import what is sound with --accept-faults",
+                not_read(own)
+            ),
+        ))
+    }
+
+    /// Messages that were not read: a loss in topics that are mapped counts as one, in topics that nobody asked for it does not.
+    /// `account` = of the pass that read the mapped topics.
+    fn unreadable(&self, account: &Account, mapped: &[String], findings: &mut Vec<Finding>) {
+        let is_mapped = |u: &Unreadable| {
+            let own = u.topic.as_ref();
+            own.is_some_and(|t| mapped.iter().any(|m| is_topic(m, t)))
+        };
+        for u in account.unreadable.iter().filter(|u| is_mapped(u)) {
+            let topic = u.topic.as_deref().unwrap_or_default();
+            let all = account.messages.get(topic).copied().unwrap_or(u.count);
+            findings.fault(
+                "not_decoded",
+                format!(
+                    "{topic}: {} of {all} messages cannot be decoded and are lost, the first at {}: {}; mend what writes them, or import the rest with --accept-faults",
+                    u.count, u.first_at, u.reason
+                ),
             );
-            // A loss in topics that are mapped counts as one; a loss in topics that nobody asked for does not.
-            findings.push(if u.what == "damaged records" {
-                let bytes = match self.contents.skipped_bytes {
-                    0 => String::new(),
-                    n => format!("; {n} bytes belong to no record"),
-                };
-                Finding::fault(
-                    "damaged_records",
-                    None,
-                    format!("{words}{bytes}; import what is sound with --accept-faults"),
-                )
-            } else if u.what.starts_with("images of ") {
+        }
+        for u in &self.contents.unreadable {
+            if u.what.starts_with("images of ") {
                 let way = "nothing is imported of images; `hydroline replay` leaves these out and counts them";
-                Finding::warning("damaged_images", None, format!("{words}; {way}"))
+                findings.warning("damaged_images", format!("{}; {way}", not_read(u)));
             } else if u.what.starts_with("gaps") {
-                Finding::warning("dropouts", None, words)
-            } else {
-                Finding::info("not_decoded", words)
-            });
+                findings.warning("dropouts", not_read(u));
+            } else if u.what != DAMAGED && !is_mapped(u) {
+                findings.info("not_decoded", not_read(u));
+            }
         }
     }
 }
 
-/// Whether a topic is the one named, or an instance of it.
-fn is_topic(topic: &str, named: &str) -> bool {
-    topic
-        .strip_prefix(named)
-        .is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
+fn not_read(u: &Unreadable) -> String {
+    format!(
+        "{}: {} not read, the first at {}: {}",
+        u.what, u.count, u.first_at, u.reason
+    )
 }
 
-fn read(kind: Kind, files: &[PathBuf], sink: &mut dyn Sink) -> Result<Account, RecordedError> {
+/// Reads files one after the other; `counts` = messages of each topic in each of them. Of several, one that is no log at all is
+/// damage. `named` = the same files by the names that people know.
+fn read(
+    kind: Kind,
+    named: &[PathBuf],
+    files: &[PathBuf],
+    sink: &mut dyn Sink,
+    counts: &mut Vec<HashMap<String, u64>>,
+) -> Result<Account, RecordedError> {
     let mut all = Account::default();
-    for file in files {
-        let account = kind.read(file, sink)?;
+    for (file, name) in files.iter().zip(named) {
+        let name = name.file_name().unwrap_or_default().to_string_lossy();
+        let mut account = match kind.read(file, sink) {
+            Err(RecordedError::Container(words)) if files.len() > 1 => {
+                let mut none = Account::default();
+                none.note(DAMAGED, 0, || format!("nothing of it can be read: {words}"));
+                none
+            }
+            other => other?,
+        };
         all.skipped_bytes += account.skipped_bytes;
-        for u in account.unreadable {
+        for (topic, count) in &account.messages {
+            *all.messages.entry(topic.clone()).or_default() += count;
+        }
+        counts.push(std::mem::take(&mut account.messages));
+        for mut u in account.unreadable {
             match all.unreadable.iter_mut().find(|a| a.what == u.what) {
                 Some(a) => a.count += u.count,
-                None => all.unreadable.push(u),
+                None => {
+                    if files.len() > 1 {
+                        u.reason = format!("{name}: {}", u.reason);
+                    }
+                    all.unreadable.push(u);
+                }
             }
         }
     }

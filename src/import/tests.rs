@@ -9,6 +9,7 @@ mod inputs;
 mod layouts;
 mod motions;
 mod notations;
+mod recordings;
 mod reports;
 mod values;
 mod written;

@@ -24,7 +24,7 @@ use super::topic::Topic;
 use contents::Contents;
 
 mod contents;
-pub(super) use contents::summary;
+pub(super) use contents::{declared_at_end, summary};
 
 /// A record that holds messages: a chunk, or a message by itself.
 #[derive(Debug, Clone, PartialEq, Eq)]

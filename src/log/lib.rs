@@ -78,7 +78,7 @@ pub use seal::{DAMAGED_KEY, SealFinding, SealState};
 pub use settings::{FileParts, Head, PartOpener, WriteSettings, check_space};
 pub use space::{bytes_per_frame, bytes_per_s, writable_folder};
 pub use time::LogTime;
-pub use topic::{SchemaText, Topic};
+pub use topic::{SchemaText, Topic, published_schema};
 pub use writer::LogWriter;
 
 /// Error in reading or writing a log.

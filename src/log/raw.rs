@@ -1,11 +1,15 @@
 //! Messages as their writer left them, with their schemas: logs that other programs made.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 
 use super::LogError;
-use super::records::SchemaRecord;
+use super::indexed::declared_at_end;
+use super::records::{
+    self, ChannelRecord, ChunkRecord, Damage, MessageRecord, RecordFinder, SchemaRecord,
+};
 use super::scan::{self, FileScan, Step};
 
 /// Schema of a channel's messages.
@@ -38,10 +42,16 @@ pub struct RawMessage {
 }
 
 /// Reads messages from start to end. Lengths and checksums are verified before a message is handed out; after an
-/// error it goes on with what is still sound.
+/// error it goes on with the next sound record, wherever that is.
 pub struct RawReader {
     path: PathBuf,
     scan: FileScan,
+    finder: RecordFinder<File>,
+    /// Chunk that the file, or a wrong length, ends in: what it is shows with the damage that follows.
+    truncated: Option<ChunkRecord>,
+    /// Offset of that chunk's record and what is left of its content.
+    salvaged: Option<(u64, Bytes)>,
+    skipped_bytes: u64,
 }
 
 impl RawReader {
@@ -50,10 +60,22 @@ impl RawReader {
     /// # Errors
     /// [`LogError::Read`], [`LogError::NotMcap`].
     pub fn open(path: &Path) -> Result<Self, LogError> {
+        let scan = scan::open(path)?;
+        let source = File::open(path).map_err(LogError::read(path))?;
+        let scan = scan.with_spare(declared_at_end(&source));
         Ok(RawReader {
             path: path.to_owned(),
-            scan: scan::open(path)?,
+            scan,
+            finder: RecordFinder::new(source).map_err(LogError::read(path))?,
+            truncated: None,
+            salvaged: None,
+            skipped_bytes: 0,
         })
+    }
+
+    /// Bytes so far from damage to the next sound record.
+    pub fn skipped_bytes(&self) -> u64 {
+        self.skipped_bytes
     }
 
     /// Schema of a message's channel; its fields are empty without one.
@@ -80,31 +102,77 @@ impl RawReader {
     }
 }
 
+impl RawReader {
+    fn message(&self, offset: u64, channel: &ChannelRecord, message: MessageRecord) -> RawMessage {
+        RawMessage {
+            channel: (self.scan.learnt.joined, channel.id),
+            topic: channel.topic.clone(),
+            encoding: channel.message_encoding.clone(),
+            log_ns: message.log_ns,
+            offset,
+            data: message.data,
+            schema_id: channel.schema_id,
+        }
+    }
+
+    /// The error of a damaged place; reading goes on behind it.
+    fn damaged(&mut self, offset: u64, damage: Damage) -> LogError {
+        let next = match self.scan.go_on(&mut self.finder, offset, &damage) {
+            Ok(next) => next,
+            Err(error) => return LogError::read(&self.path)(error),
+        };
+        self.skipped_bytes += next.map_or(0, |next| next.saturating_sub(offset));
+        if let Some(chunk) = self.truncated.take() {
+            // All of the content is there when only a length was wrong: then its checksum must hold. A cut at the end of the file
+            // leaves a true beginning of what was written.
+            let whole = chunk.content.len() as u64 == chunk.content_bytes;
+            let content = match (whole, next) {
+                (true, _) => chunk.open().unwrap_or_default(),
+                (false, None) => chunk.decompress().0,
+                (false, Some(_)) => Bytes::new(),
+            };
+            self.salvaged = Some((offset, content));
+        }
+        LogError::damaged(&self.path, (offset, damage))
+    }
+
+    /// The next message of a truncated chunk; the record in which its content ends is none.
+    fn next_salvaged(&mut self) -> Option<Result<RawMessage, LogError>> {
+        while let Some((offset, content)) = &mut self.salvaged {
+            let offset = *offset;
+            let Some(Ok((opcode, body))) = records::next_inner(content) else {
+                self.salvaged = None;
+                break;
+            };
+            let step = self.scan.data_record(offset, opcode, &body, true);
+            if let Ok(Some(Step::Message {
+                channel, message, ..
+            })) = step
+            {
+                return Some(Ok(self.message(offset, &channel, message)));
+            }
+        }
+        None
+    }
+}
+
 impl Iterator for RawReader {
     type Item = Result<RawMessage, LogError>;
 
     fn next(&mut self) -> Option<Self::Item> {
+        if let Some(message) = self.next_salvaged() {
+            return Some(message);
+        }
         loop {
             match self.scan.next()? {
                 Step::Message {
                     offset,
                     channel,
                     message,
-                } => {
-                    return Some(Ok(RawMessage {
-                        channel: (self.scan.learnt.joined, channel.id),
-                        topic: channel.topic.clone(),
-                        encoding: channel.message_encoding.clone(),
-                        log_ns: message.log_ns,
-                        offset,
-                        data: message.data,
-                        schema_id: channel.schema_id,
-                    }));
-                }
-                Step::Damage { offset, damage } => {
-                    return Some(Err(LogError::damaged(&self.path, (offset, damage))));
-                }
-                Step::Truncated { .. } | Step::Metadata { .. } => {}
+                } => return Some(Ok(self.message(offset, &channel, message))),
+                Step::Damage { offset, damage } => return Some(Err(self.damaged(offset, damage))),
+                Step::Truncated { chunk } => self.truncated = Some(chunk),
+                Step::Metadata { .. } => {}
             }
         }
     }

@@ -16,7 +16,7 @@ mod fields;
 mod find;
 
 pub(super) use fields::*;
-pub(super) use find::ChunkFinder;
+pub(super) use find::RecordFinder;
 
 /// Longest record that is read into memory, and longest decompressed chunk: the largest frame, what stands around it,
 /// and what compressing noise adds (zstd: n / 256).
@@ -41,6 +41,10 @@ pub enum Damage {
     Cut { need: u64, have: u64 },
     #[error("the file ends without a footer: the recording was not stopped cleanly")]
     NoEnd,
+    #[error(
+        "only zeros stand where a record should begin: this stretch was wiped, or never written"
+    )]
+    Zeros,
     #[error("a record (opcode {opcode:#04x}) of {len} bytes is beyond the {LIMIT_BYTES} allowed")]
     TooLong { opcode: u8, len: u64 },
     #[error("a record (opcode {opcode:#04x}) does not hold a whole {field}")]
@@ -98,6 +102,7 @@ impl Damage {
         matches!(
             self,
             Damage::Cut { .. }
+                | Damage::Zeros
                 | Damage::TooLong { .. }
                 | Damage::ChunkSize { .. }
                 | Damage::Surplus { .. }
@@ -195,6 +200,10 @@ impl<R: BufRead> Records<R> {
                 need: PREFIX_BYTES,
                 have,
             });
+        }
+        // No record of MCAP has this opcode; taken for records without content, zeros would be walked through in steps of nine.
+        if opcode == 0 {
+            return Err(Damage::Zeros);
         }
         let len = (&prefix[1..]).get_u64_le();
         let hashed = opcode != op::DATA_END && opcode != op::FOOTER;

@@ -23,9 +23,10 @@ use serde::Serialize;
 use super::LogError;
 use super::atomic_file::AtomicFile;
 use super::entry::Company;
+use super::indexed::declared_at_end;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChunkFinder, ChunkRecord, Damage};
+use super::records::{self, ChunkRecord, RecordFinder};
 use super::scan::{self, FileScan, Step};
 use super::seal::{SealFinding, SealState, sealed};
 use copy::{Copy, Digest};
@@ -92,7 +93,7 @@ pub fn recover_as(input: &Path, output: &Path, build: BuildInfo) -> Result<Recov
 }
 
 fn copy_all(
-    mut scan: FileScan,
+    scan: FileScan,
     input: &Path,
     output: &Path,
     file: File,
@@ -104,9 +105,9 @@ fn copy_all(
         reason: std::error::Error::source(&e).map_or_else(|| e.to_string(), |s| s.to_string()),
     };
     let read = LogError::read(input);
-    let mut finder = bounded::open(input)
-        .and_then(ChunkFinder::new)
-        .map_err(&read)?;
+    let source = bounded::open(input).map_err(&read)?;
+    let mut scan = scan.with_spare(declared_at_end(&source));
+    let mut finder = RecordFinder::new(source).map_err(&read)?;
     // Head metadata first, and far enough to see whether chunks are compressed (MJPG's are not).
     let mut head = Vec::new();
     let first = loop {
@@ -162,19 +163,17 @@ fn copy_all(
                 from_truncated += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
             }
             Step::Damage { offset, damage: d } => {
-                spoilt |= !d.is_missing_end() && d != Damage::JoinedLog;
+                spoilt |= scan.costs_data(&d);
                 damage.push((offset, d.to_string()));
-                if d.loses_the_thread()
-                    && let Some(next) = finder.find(scan.search_from(offset)).map_err(&read)?
-                {
-                    spoilt = true;
-                    scan.jump(next).map_err(&read)?;
-                }
+                let next = scan.go_on(&mut finder, offset, &d).map_err(&read)?;
+                spoilt |= next.is_some();
             }
         }
         step = scan.next();
     }
     spoilt |= !undecodable.is_empty();
+    // Of a damaged file a record of unknown kind may be one whose opcode was hit.
+    spoilt |= !damage.is_empty() && scan.learnt.unknown > 0;
     let metadata = scan.learnt.seal_findings();
     spoilt |= metadata.iter().any(|f| f.state != SealState::Unverifiable);
     let was_whole = scan.learnt.ended && damage.is_empty() && !spoilt;
@@ -364,7 +363,7 @@ impl fmt::Display for Recovery {
         let verdict = match (self.was_whole, self.lossy) {
             (true, _) => "the original was whole",
             (_, false) => {
-                "nothing that was in the file is lost; what was still in memory when the writer died was never in it"
+                "nothing that was in the file is lost, and its summary is made anew; what was still in memory when a writer died was never in it"
             }
             (_, true) => "something that was in the file is lost or cannot be used",
         };

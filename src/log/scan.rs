@@ -21,6 +21,8 @@ use super::records::{
 };
 use super::seal::{self, SealFinding};
 
+mod onward;
+
 /// One step through a file.
 #[derive(Debug)]
 pub(super) enum Step {
@@ -54,6 +56,8 @@ pub(super) struct Learnt {
     /// Chunks whose writer stated no checksum: damage in them cannot be noticed.
     pub chunks_unchecked: u64,
     pub attachments: u64,
+    /// Records of the data section of a kind that MCAP does not define: an extension's, or some whose opcode was hit.
+    pub unknown: u64,
     pub statistics: Option<StatisticsRecord>,
     pub compressions: BTreeMap<String, u64>,
     /// DataEnd, footer and magic are there.
@@ -87,6 +91,16 @@ pub(super) struct Scan<R> {
     ended_at: Option<u64>,
     /// End of the last chunk's content, whatever its record's length says: a wrong length swallows what follows.
     behind_chunk: u64,
+    /// Offset of the last message outside chunks.
+    last_outside: Option<u64>,
+    /// Declarations of the summary, for messages whose own were in a chunk that is damaged.
+    spare: Declared,
+    /// Offset behind the data section.
+    data_ended_at: u64,
+    /// Offset at which reading went on behind damage: a checksum over the data section cannot be compared any more.
+    jumped_to: Option<u64>,
+    /// The summary's counts are under its checksum, or the data section is not as long as the footer says.
+    counts_stand: bool,
 }
 
 pub(super) type FileScan = Scan<BufReader<File>>;
@@ -113,6 +127,11 @@ impl<R: BufRead> Scan<R> {
             expansion: Expansion::default(),
             ended_at: None,
             behind_chunk: 0,
+            last_outside: None,
+            spare: Declared::default(),
+            data_ended_at: 0,
+            jumped_to: None,
+            counts_stand: true,
         }))
     }
 
@@ -120,15 +139,6 @@ impl<R: BufRead> Scan<R> {
     pub fn of_file(name: &Path, source: R) -> Result<Self, LogError> {
         let scan = Self::new(source).map_err(LogError::read(name))?;
         scan.map_err(|found| LogError::no_log(name, found))
-    }
-
-    /// From where to look for the next sound chunk after damage at `offset` that loses the thread: nothing between the last
-    /// chunk's content and it is one that was read.
-    pub fn search_from(&self, offset: u64) -> u64 {
-        match self.behind_chunk {
-            0 => offset + 1,
-            behind => behind.min(offset + 1),
-        }
     }
 
     /// The next step; `None` when the file is read. A computation that is cancelled ends here: whatever reads a log can be.
@@ -148,17 +158,6 @@ impl<R: BufRead> Scan<R> {
     pub fn cut_in_data(&self) -> bool {
         let data = !matches!(self.records.opcode(), op::MESSAGE_INDEX | op::DATA_END);
         self.cut && data && !self.past_data
-    }
-
-    /// Goes on at a record found by [`records::ChunkFinder`].
-    pub fn jump(&mut self, offset: u64) -> std::io::Result<()>
-    where
-        R: std::io::Seek,
-    {
-        self.records.jump(offset)?;
-        (self.chunk, self.pending, self.truncated) = (None, None, None);
-        (self.cut, self.done, self.past_data) = (false, false, false);
-        Ok(())
     }
 
     fn next_inner(&mut self) -> Option<Step> {
@@ -221,6 +220,8 @@ impl<R: BufRead> Scan<R> {
         let (offset, damage) = found.err()?;
         if damage == Damage::JoinedLog {
             (self.done, self.past_data, self.cut) = (false, false, false);
+            self.jumped_to = None;
+            self.spare = Declared::default();
             let learnt = &mut self.learnt;
             (learnt.declared, learnt.statistics) = (Declared::default(), None);
             (learnt.ended, learnt.joined) = (false, learnt.joined + 1);
@@ -236,6 +237,12 @@ impl<R: BufRead> Scan<R> {
                 self.learnt.chunks += 1;
                 let chunk = records::chunk(body, false)?;
                 self.behind_chunk = outer.offset + records::PREFIX_BYTES + chunk.bytes();
+                // A head of zeros states no content and no checksum, and is no chunk.
+                let surplus = (body.len() as u64).saturating_sub(chunk.bytes());
+                if chunk.content_bytes == 0 && surplus > 0 {
+                    let opcode = op::CHUNK;
+                    return Err(Damage::Surplus { opcode, surplus });
+                }
                 self.learnt.chunks_unchecked +=
                     u64::from(chunk.crc == 0 && chunk.uncompressed_bytes > 0);
                 *self
@@ -255,13 +262,14 @@ impl<R: BufRead> Scan<R> {
                 self.learnt.metadata.insert(name.clone(), map);
                 return Ok(Some(Step::Metadata { name }));
             }
-            op::ATTACHMENT => self.learnt.attachments += 1,
-            op::DATA_END => {
+            op::ATTACHMENT if !self.past_data => self.learnt.attachments += 1,
+            op::DATA_END if !self.past_data => {
                 self.past_data = true;
+                self.data_ended_at = self.records.offset();
                 let (saved, calculated) = (records::data_end(body)?, self.records.crc());
                 self.records.restart_crc();
                 self.learnt.data_crc_stated = saved != 0;
-                if saved != 0 && saved != calculated {
+                if saved != 0 && saved != calculated && self.jumped_to.is_none() {
                     return Err(Damage::DataCrc { saved, calculated });
                 }
             }
@@ -273,6 +281,7 @@ impl<R: BufRead> Scan<R> {
                 return self.footer(body);
             }
             opcode if !self.past_data => {
+                self.learnt.unknown += u64::from(opcode > op::DATA_END);
                 return self.data_record(outer.offset, opcode, body, false);
             }
             _ => {}
@@ -280,7 +289,8 @@ impl<R: BufRead> Scan<R> {
         Ok(None)
     }
 
-    fn data_record(
+    /// Takes a record of the data section, from a chunk or outside.
+    pub fn data_record(
         &mut self,
         offset: u64,
         opcode: u8,
@@ -300,11 +310,15 @@ impl<R: BufRead> Scan<R> {
             }
             op::MESSAGE => {
                 let message = records::message(body)?;
-                let channel = self.learnt.declared.channels.get(&message.channel_id);
+                let id = message.channel_id;
+                let channel = self.learnt.declared.channels.get(&id).cloned();
                 let channel = channel
-                    .cloned()
-                    .ok_or(Damage::UnknownChannel(message.channel_id))?;
+                    .or_else(|| self.spared(id))
+                    .ok_or(Damage::UnknownChannel(id))?;
                 self.learnt.messages += 1;
+                if !in_chunk {
+                    self.last_outside = Some(offset);
+                }
                 return Ok(Some(Step::Message {
                     offset,
                     channel,
@@ -320,17 +334,23 @@ impl<R: BufRead> Scan<R> {
     /// because its opcode was hit.
     fn footer(&mut self, body: &Bytes) -> Result<Option<Step>, Damage> {
         let saved = records::footer_crc(body)?;
-        if saved != 0 {
-            let calculated = self.records.crc_with_footer(body);
-            if saved != calculated {
-                return Err(Damage::SummaryCrc { saved, calculated });
-            }
-        }
+        let calculated = self.records.crc_with_footer(body);
+        let contradicted = saved != 0 && saved != calculated;
         if !self.past_data {
-            return Err(Damage::NoEnd);
+            return Err(match contradicted {
+                true => Damage::SummaryCrc { saved, calculated },
+                false => Damage::NoEnd,
+            });
         }
-        self.records.end_magic().map_err(|(_, damage)| damage)?;
-        self.learnt.ended = true;
+        let magic = self.records.end_magic();
+        self.learnt.ended = magic.is_ok();
+        // Its counts are no more certain than the rest of it.
+        if contradicted {
+            return Err(Damage::SummaryCrc { saved, calculated });
+        }
+        magic.map_err(|(_, damage)| damage)?;
+        let in_place = records::footer_summary_start(body)? == self.data_ended_at;
+        self.counts_stand = saved != 0 || !in_place || self.learnt.unknown > 0;
         if let (Some(stated), false) = (self.learnt.statistics, self.damaged) {
             let found = self.learnt.messages;
             if stated.messages != found {

@@ -14,6 +14,8 @@ use hydroline_core::clock::{Clock, ClockTriple, ManualClock, SystemClock};
 use hydroline_core::event::{Event, Severity, kind};
 
 pub(crate) mod fixtures;
+#[path = "recover/tests.rs"]
+mod salvage;
 
 fn head() -> Head {
     Head {

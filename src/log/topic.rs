@@ -157,6 +157,36 @@ impl Topic {
     }
 }
 
+/// Schema of a message of Foxglove that holds places, attitudes, motion or images, as Foxglove publishes it; `None` = it is none
+/// of those.
+pub fn published_schema(name: &str) -> Option<SchemaText> {
+    use foxglove::messages as fg;
+    let all = [
+        fg::FrameTransform::get_schema,
+        fg::FrameTransforms::get_schema,
+        fg::JointState::get_schema,
+        fg::JointStates::get_schema,
+        fg::LocationFix::get_schema,
+        fg::LocationFixes::get_schema,
+        fg::Odometry::get_schema,
+        fg::Point3::get_schema,
+        fg::Point3InFrame::get_schema,
+        fg::Pose::get_schema,
+        fg::PoseInFrame::get_schema,
+        fg::PosesInFrame::get_schema,
+        fg::Quaternion::get_schema,
+        fg::Vector3::get_schema,
+        fg::RawImage::get_schema,
+        fg::CompressedImage::get_schema,
+    ];
+    let found = all.into_iter().filter_map(|schema| schema());
+    let mut found = found.filter(|s| s.name == name);
+    found.next().map(|s| SchemaText {
+        name: s.name,
+        data: s.data.into_owned(),
+    })
+}
+
 /// Descriptors of `hydroline.proto` and its imports, generated with the messages.
 fn own_descriptors() -> &'static FileDescriptorSet {
     static SET: OnceLock<FileDescriptorSet> = OnceLock::new();

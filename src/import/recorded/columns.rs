@@ -5,6 +5,9 @@ use super::table::{LOG_TIME, STAMP};
 use crate::check::{Finding, FindingList};
 use crate::map::{Column, Map, Missing, Origin, TimeSource};
 
+/// Fields of a topic that are named where a map names one that it has not.
+const FIELDS_NAMED: usize = 60;
+
 /// A field that the map names.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Wanted {
@@ -73,9 +76,10 @@ fn named(map: &Map) -> Vec<(Column, Missing, String)> {
 /// Topic and path of a name: `TOPIC.path`, `TOPIC/path/with/slashes`, or a path that one topic alone has.
 fn resolve(
     name: &str,
-    topics: &[TopicContents],
+    contents: &Contents,
     chosen: &dyn Fn(&str) -> bool,
 ) -> Result<(usize, String), String> {
+    let topics = contents.topics.as_slice();
     let dotted = |rest: &str| rest.replace('/', ".");
     let mut best: Option<(usize, &str)> = None;
     for (place, t) in topics.iter().enumerate() {
@@ -95,12 +99,7 @@ fn resolve(
         if let Some(path) = own.iter().find(|p| t.fields.iter().any(|f| f.path == **p)) {
             return Ok((place, path.clone()));
         }
-        let fields: Vec<&str> = t.fields.iter().map(|f| f.path.as_str()).take(60).collect();
-        return Err(format!(
-            "topic {} has no field '{rest}'; name one of: {}",
-            t.topic,
-            fields.join(" ")
-        ));
+        return Err(without_field(t, rest, contents));
     }
     let own = [name.to_owned(), dotted(name.trim_start_matches('/'))];
     let holders: Vec<(usize, &String)> = topics
@@ -115,13 +114,18 @@ fn resolve(
     match holders.as_slice() {
         [(place, path)] => Ok((*place, (*path).clone())),
         [] => {
+            let example = topics
+                .iter()
+                .find_map(|t| Some(format!("{}.{}", t.topic, t.fields.first()?.path)));
+            let Some(example) = example else {
+                return Err(format!(
+                    "no topic or field '{name}' in the log: {}; `hydroline info LOG` says why",
+                    contents.nameable()
+                ));
+            };
             let names: Vec<&str> = topics.iter().map(|t| t.topic.as_str()).take(40).collect();
             Err(format!(
-                "no topic or field '{name}' in the log: a column is TOPIC.FIELD, such as {}; `hydroline info LOG` lists them; topics: {}",
-                topics
-                    .iter()
-                    .find_map(|t| Some(format!("{}.{}", t.topic, t.fields.first()?.path)))
-                    .unwrap_or_default(),
+                "no topic or field '{name}' in the log: a column is TOPIC.FIELD, such as {example}; `hydroline info LOG` lists them; topics: {}",
                 names.join(" ")
             ))
         }
@@ -137,6 +141,27 @@ fn resolve(
                 names.join(" ")
             ))
         }
+    }
+}
+
+/// Words for a topic that is there and lacks a field: the fields it has, or why it has none.
+fn without_field(topic: &TopicContents, field: &str, contents: &Contents) -> String {
+    let name = &topic.topic;
+    let fields: Vec<&str> = topic.fields.iter().map(|f| f.path.as_str()).collect();
+    match (fields.as_slice(), contents.undecoded_of(name)) {
+        ([], Some(u)) => format!(
+            "topic {name} has no field '{field}': {} of its messages cannot be decoded ({})",
+            u.count, u.reason
+        ),
+        ([], None) => format!(
+            "topic {name} has no field '{field}': its messages ({}) hold no numbers; {}",
+            topic.schema,
+            contents.nameable()
+        ),
+        (some, _) => format!(
+            "topic {name} has no field '{field}'; name one of: {}",
+            some[..some.len().min(FIELDS_NAMED)].join(" ")
+        ),
     }
 }
 
@@ -172,7 +197,7 @@ impl Columns {
                 columns.by_log_time |= name == LOG_TIME && key == "time";
                 continue;
             }
-            match resolve(&name, &contents.topics, chosen) {
+            match resolve(&name, contents, chosen) {
                 Ok((topic, path)) => {
                     if !columns.wanted.iter().any(|w| w.name == name) {
                         columns.wanted.push(Wanted {

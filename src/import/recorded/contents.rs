@@ -13,6 +13,8 @@ const LARGE_LOOKED_AT: u64 = 3;
 /// Topics and fields that are kept: no vehicle has more.
 const TOPICS_MAX: usize = 5000;
 const FIELDS_MAX: usize = 2000;
+/// Fields with NaN that are printed of a topic: those of a covariance are all alike.
+const NOT_FINITE_LISTED: usize = 8;
 
 /// A number in each message of a topic.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, schemars::JsonSchema)]
@@ -21,6 +23,15 @@ pub struct FieldContents {
     pub path: String,
     /// As the log states it.
     pub unit: Option<String>,
+    /// Number of messages in which it is NaN or infinite.
+    #[serde(skip_serializing_if = "is_none")]
+    pub not_finite: u64,
+}
+
+/// Whether a count is left out: most are.
+#[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 /// One topic.
@@ -32,6 +43,9 @@ pub struct TopicContents {
     pub schema: String,
     /// Number of messages.
     pub messages: u64,
+    /// Of them, those that cannot be decoded; of transforms, those of all lists of the topic.
+    #[serde(skip_serializing_if = "is_none")]
+    pub undecoded: u64,
     /// Of them, those with a stamp of their own.
     pub stamped: u64,
     /// Messages with a stamp of 0 where no other stamp is near: it was never set.
@@ -60,6 +74,36 @@ pub struct Contents {
     pub unreadable: Vec<Unreadable>,
     /// Bytes between records that belong to none.
     pub skipped_bytes: u64,
+    /// Where the log is a bag, or part of one: contradictions to the bag's metadata.yaml.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bag: Vec<String>,
+}
+
+impl Contents {
+    /// Topics that hold numbers, to choose from, as words.
+    pub(crate) fn nameable(&self) -> String {
+        let named = self.topics.iter().filter(|t| !t.fields.is_empty());
+        let named: Vec<&str> = named.map(|t| t.topic.as_str()).take(60).collect();
+        match named.as_slice() {
+            [] => "no topic of it holds numbers that a map could name".to_owned(),
+            some => format!("name one of: {}", some.join(" ")),
+        }
+    }
+
+    /// Reason why messages of a topic cannot be decoded, where there are such.
+    pub(crate) fn undecoded_of(&self, topic: &str) -> Option<&Unreadable> {
+        let unreadable = self.unreadable.iter();
+        unreadable
+            .filter(|u| u.topic.as_ref().is_some_and(|t| is_topic(topic, t)))
+            .max_by_key(|u| u.count)
+    }
+}
+
+/// Whether a topic is the one named, or an instance of it.
+pub(super) fn is_topic(topic: &str, named: &str) -> bool {
+    topic
+        .strip_prefix(named)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
 }
 
 /// A stamp of 0 begins a clock if the next one is no more mean intervals away.
@@ -103,8 +147,8 @@ impl Stamps {
 pub(super) struct Gather {
     topics: Vec<TopicContents>,
     places: HashMap<String, usize>,
-    /// Paths seen, per topic, and how many numbers its messages had at most.
-    seen: Vec<(HashMap<String, ()>, usize)>,
+    /// Places of the paths seen, per topic, and how many numbers its messages had at most.
+    seen: Vec<(HashMap<String, usize>, usize)>,
     stamps: Vec<Stamps>,
     messages: u64,
 }
@@ -143,6 +187,11 @@ impl Gather {
 
     pub fn finish(mut self, kind: &'static str, account: Account) -> Contents {
         for (t, stamps) in self.topics.iter_mut().zip(&self.stamps) {
+            let own = account.unreadable.iter();
+            t.undecoded = own
+                .filter(|u| u.topic.as_ref() == Some(&t.topic))
+                .map(|u| u.count)
+                .sum();
             t.zero_stamps = stamps.never_set();
             let first_ns = stamps.ends_ns.and_then(|e| i64::try_from(e.0).ok());
             if stamps.zeros > t.zero_stamps && t.first_ns == first_ns {
@@ -160,6 +209,7 @@ impl Gather {
             topics: self.topics,
             unreadable: account.unreadable,
             skipped_bytes: account.skipped_bytes,
+            bag: Vec::new(),
         }
     }
 }
@@ -186,19 +236,30 @@ impl Sink for Gather {
         let topic = &mut self.topics[place];
         topic.stamped += u64::from(message.stamp_ns.is_some());
         let (seen, most) = &mut self.seen[place];
-        let numbers = message.leaves.numbers().count();
-        // Messages of a topic hold the same fields unless an array grew.
-        if numbers <= *most && topic.messages > 10 {
-            return Ok(());
+        let (mut numbers, mut all_finite) = (0, true);
+        for (_, value) in message.leaves.numbers() {
+            numbers += 1;
+            all_finite &= value.is_finite();
         }
-        *most = numbers.max(*most);
-        for (path, _) in message.leaves.numbers() {
-            if !seen.contains_key(path) && topic.fields.len() < FIELDS_MAX {
-                seen.insert(path.to_owned(), ());
-                topic.fields.push(FieldContents {
-                    path: path.to_owned(),
-                    unit: (message.unit)(path),
-                });
+        // Messages of a topic hold the same fields unless an array grew.
+        if numbers > *most || topic.messages <= 10 {
+            *most = numbers.max(*most);
+            for (path, _) in message.leaves.numbers() {
+                if !seen.contains_key(path) && topic.fields.len() < FIELDS_MAX {
+                    seen.insert(path.to_owned(), topic.fields.len());
+                    topic.fields.push(FieldContents {
+                        path: path.to_owned(),
+                        unit: (message.unit)(path),
+                        not_finite: 0,
+                    });
+                }
+            }
+        }
+        if !all_finite {
+            for (path, _) in message.leaves.numbers().filter(|n| !n.1.is_finite()) {
+                if let Some(field) = seen.get(path).and_then(|p| topic.fields.get_mut(*p)) {
+                    field.not_finite += 1;
+                }
             }
         }
         Ok(())
@@ -249,28 +310,7 @@ fn together(fields: &[FieldContents]) -> Vec<String> {
 impl fmt::Display for Contents {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         line(f, format_args!("{}: {} messages", self.kind, self.messages))?;
-        for t in &self.topics {
-            let rate = t.rate_hz.map_or(String::new(), |r| format!(", {r:.1}/s"));
-            let stamps = match (t.stamped, t.messages) {
-                (0, _) => ", no stamps of its own",
-                (s, m) if s < m => ", some without a stamp of their own",
-                _ => "",
-            };
-            let zeros = match t.zero_stamps {
-                0 => String::new(),
-                n => format!(", {n} with the stamp 0, never set"),
-            };
-            let (topic, schema, count) = (&t.topic, &t.schema, t.messages);
-            line(
-                f,
-                format_args!("  {topic}  {schema}  {count} messages{rate}{stamps}{zeros}"),
-            )?;
-            let fields = match t.fields.as_slice() {
-                [] => "no numbers".to_owned(),
-                some => together(some).join("  "),
-            };
-            line(f, format_args!("      {fields}"))?;
-        }
+        // Losses first: below a hundred topics nobody sees them.
         for u in &self.unreadable {
             line(
                 f,
@@ -283,6 +323,48 @@ impl fmt::Display for Contents {
         if self.skipped_bytes > 0 {
             let bytes = self.skipped_bytes;
             line(f, format_args!("  {bytes} bytes belong to no record"))?;
+        }
+        for words in &self.bag {
+            line(f, format_args!("  BAG {words}"))?;
+        }
+        for t in &self.topics {
+            let rate = t.rate_hz.map_or(String::new(), |r| format!(", {r:.1}/s"));
+            let stamps = match (t.stamped, t.messages) {
+                (0, _) => ", no stamps of its own",
+                (s, m) if s < m => ", some without a stamp of their own",
+                _ => "",
+            };
+            let zeros = match t.zero_stamps {
+                0 => String::new(),
+                n => format!(", {n} with the stamp 0, never set"),
+            };
+            let undecoded = match t.undecoded {
+                0 => String::new(),
+                n => format!(", {n} OF THEM NOT READ"),
+            };
+            let (topic, schema, count) = (&t.topic, &t.schema, t.messages);
+            line(
+                f,
+                format_args!(
+                    "  {topic}  {schema}  {count} messages{undecoded}{rate}{stamps}{zeros}"
+                ),
+            )?;
+            let fields = match t.fields.as_slice() {
+                [] => "no numbers".to_owned(),
+                some => together(some).join("  "),
+            };
+            line(f, format_args!("      {fields}"))?;
+            let wild = t.fields.iter().filter(|f| f.not_finite > 0);
+            let wild: Vec<String> = wild
+                .map(|f| format!("{} in {}", f.path, f.not_finite))
+                .take(NOT_FINITE_LISTED)
+                .collect();
+            if !wild.is_empty() {
+                line(
+                    f,
+                    format_args!("      NaN or infinite: {} messages", wild.join(", ")),
+                )?;
+            }
         }
         Ok(())
     }

@@ -7,12 +7,12 @@ use hydroline_log::{RawMessage, RawReader, RawSchema, image_damage};
 use prost_reflect::MessageDescriptor;
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
-use super::ros::{self, cdr, definition::Definition};
+use super::ros::Layout;
 use super::{json, protobuf, stamps};
 
 /// Decoder of a channel's messages.
 enum Decoder {
-    Ros(Definition),
+    Ros(Layout),
     Protobuf(MessageDescriptor),
     Json,
     /// Reason why they are not decoded.
@@ -22,16 +22,21 @@ enum Decoder {
 impl Decoder {
     fn of(encoding: &str, schema: &RawSchema<'_>) -> Decoder {
         let ready = match (encoding, schema.encoding) {
-            ("cdr", "ros2msg") => std::str::from_utf8(schema.data)
-                .map_err(|_| "its schema is no text".to_owned())
-                .and_then(|text| Definition::parse(schema.name, text))
-                .map(Decoder::Ros),
-            ("cdr", other) => ros::known(schema.name).map(Decoder::Ros).ok_or_else(|| {
-                format!(
+            ("cdr", "ros2msg") => {
+                let text = std::str::from_utf8(schema.data)
+                    .map_err(|_| "its schema is no text".to_owned());
+                Ok(Decoder::Ros(Layout::of(schema.name, text)))
+            }
+            ("cdr", _) if schema.name.is_empty() => {
+                Err("its channel names no schema: nothing says what its bytes mean".to_owned())
+            }
+            ("cdr", other) => Ok(Decoder::Ros(Layout::of(
+                schema.name,
+                Err(format!(
                     "CDR with a schema in '{other}' is read for the usual messages of ROS 2 only"
-                )
-            }),
-            ("protobuf", "protobuf") => {
+                )),
+            ))),
+            ("protobuf", _) => {
                 protobuf::descriptor(schema.name, schema.data).map(Decoder::Protobuf)
             }
             ("json", _) => Ok(Decoder::Json),
@@ -48,7 +53,7 @@ impl Decoder {
 
     fn decode(&self, data: &[u8], leaves: &mut Leaves) -> Result<(), String> {
         match self {
-            Decoder::Ros(definition) => cdr::decode(definition, data, leaves),
+            Decoder::Ros(layout) => layout.decode(data, leaves),
             Decoder::Protobuf(descriptor) => protobuf::decode(descriptor, data, leaves),
             Decoder::Json => json::decode(data, leaves),
             Decoder::None(why) => Err(why.clone()),
@@ -89,6 +94,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         if channel.schema.starts_with("hydroline.") {
             return Err(RecordedError::Ours);
         }
+        account.count(&message.topic);
         if sink.checks_images()
             && let Some(damage) = image_damage(&channel.schema, &message.encoding, &message.data)
         {
@@ -102,11 +108,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         }
         leaves.clear();
         if let Err(reason) = channel.decoder.decode(&message.data, &mut leaves) {
-            account.note(
-                &format!("messages of {}", message.topic),
-                message.offset,
-                || reason,
-            );
+            account.undecoded(&message.topic, message.offset, || reason);
             sink.other(&message.topic, &channel.schema, log_ns);
             continue;
         }
@@ -120,5 +122,6 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         };
         stamps::divided(&whole, sink)?;
     }
+    account.skipped_bytes = reader.skipped_bytes();
     Ok(account)
 }

@@ -1,5 +1,6 @@
 //! A message of any log, as numbers with the paths of their fields.
 
+use std::collections::HashMap;
 use std::io;
 use std::ops::Range;
 
@@ -189,6 +190,9 @@ pub(super) trait Sink {
 pub struct Unreadable {
     /// Damaged records, or messages of a topic.
     pub what: String,
+    /// The topic, where they are messages of one that cannot be decoded; of transforms that of their list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub topic: Option<String>,
     /// Number of them.
     pub count: u64,
     /// Byte of the file at which the first stands; of a database, the row.
@@ -203,6 +207,8 @@ pub(super) struct Account {
     pub unreadable: Vec<Unreadable>,
     /// Bytes between records that belong to none.
     pub skipped_bytes: u64,
+    /// Messages of each topic, decoded or not: of bags, whose own account they are held against.
+    pub messages: HashMap<String, u64>,
 }
 
 /// Kinds of damage that are distinguished.
@@ -210,11 +216,31 @@ const KINDS_MAX: usize = 200;
 
 impl Account {
     pub fn note(&mut self, what: &str, at: u64, reason: impl FnOnce() -> String) {
+        self.add(what, None, at, reason);
+    }
+
+    /// Counts a message that is there and cannot be decoded.
+    pub fn undecoded(&mut self, topic: &str, at: u64, reason: impl FnOnce() -> String) {
+        self.add(&format!("messages of {topic}"), Some(topic), at, reason);
+    }
+
+    /// Counts a message, whether it can be decoded or not.
+    pub fn count(&mut self, topic: &str) {
+        match self.messages.get_mut(topic) {
+            Some(count) => *count += 1,
+            None => {
+                self.messages.insert(topic.to_owned(), 1);
+            }
+        }
+    }
+
+    fn add(&mut self, what: &str, topic: Option<&str>, at: u64, reason: impl FnOnce() -> String) {
         if let Some(u) = self.unreadable.iter_mut().find(|u| u.what == what) {
             u.count += 1;
         } else if self.unreadable.len() < KINDS_MAX {
             self.unreadable.push(Unreadable {
                 what: what.to_owned(),
+                topic: topic.map(str::to_owned),
                 count: 1,
                 first_at: at,
                 reason: reason(),
@@ -253,6 +279,14 @@ pub enum RecordedError {
         /// Way on, by the kind of log.
         next: &'static str,
     },
-    #[error("no topic '{topic}' in it; name one of: {topics}")]
-    Topic { topic: String, topics: String },
+    #[error("no topic '{topic}' in it; {others}")]
+    Topic {
+        topic: String,
+        /// Names to choose from, or that there are none.
+        others: String,
+    },
+    #[error(
+        "its metadata.yaml names {parts}, and no such file is in the folder; copy the bag's files into it, or name one of them"
+    )]
+    NoParts { parts: String },
 }

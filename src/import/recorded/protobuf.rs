@@ -8,7 +8,15 @@ use super::message::{ELEMENTS_MAX, Leaves, Number};
 
 const DEPTH_MAX: usize = 24;
 
+/// The type of a log's messages by the log's own descriptors, or, where they do not define it, as Foxglove publishes it.
 pub(super) fn descriptor(name: &str, set: &[u8]) -> Result<MessageDescriptor, String> {
+    defined(name, set).or_else(|why| {
+        let published = hydroline_log::published_schema(name).ok_or_else(|| why.clone())?;
+        defined(name, &published.data).map_err(|_| why)
+    })
+}
+
+fn defined(name: &str, set: &[u8]) -> Result<MessageDescriptor, String> {
     let pool = DescriptorPool::decode(set).map_err(|e| format!("its schema: {e}"))?;
     pool.get_message_by_name(name)
         .ok_or_else(|| format!("its schema does not define '{name}'"))

@@ -3,6 +3,7 @@
 pub(super) mod cdr;
 pub(super) mod definition;
 
+use super::message::Leaves;
 use definition::Definition;
 
 /// Definitions of the usual messages: bags in db3 of before 2023 hold none. From common_interfaces of ROS 2, fields only.
@@ -16,6 +17,61 @@ pub(super) fn known(name: &str) -> Option<Definition> {
         .lines()
         .any(|l| l.strip_prefix("MSG: ") == Some(short.as_str()))
         .then(|| Definition::parse(&short, KNOWN).ok())?
+}
+
+/// Bytes that may stand behind a message's last field: writers round its length up, to 8 at most.
+const PADDING_BYTES: usize = 7;
+
+/// Layout of a topic's messages: as the log defines it, and as the usual messages of ROS 2 have it where its type is one of them.
+#[derive(Debug)]
+pub(super) struct Layout {
+    own: Result<Definition, String>,
+    known: Option<Definition>,
+}
+
+impl Layout {
+    /// The layout of a type by the text that the log defines it with; `Err` = why there is none.
+    pub fn of(name: &str, text: Result<&str, String>) -> Layout {
+        let own = text.and_then(|text| {
+            Definition::parse(name, text)
+                // Types of others that were left out.
+                .or_else(|why| Definition::parse_with(name, text, KNOWN).map_err(|_| why))
+        });
+        Layout {
+            own,
+            known: known(name),
+        }
+    }
+
+    /// Decodes a message by the log's own definition, or, where that does not fit its bytes, by the usual one if that does.
+    pub fn decode(&self, data: &[u8], leaves: &mut Leaves) -> Result<(), String> {
+        let by_own = self.by_own(data, leaves);
+        let (Some(known), true) = (&self.known, by_own.as_ref() != Ok(&true)) else {
+            return by_own.map(|_| ());
+        };
+        leaves.clear();
+        let by_known = cdr::decode(known, data, leaves);
+        match by_known {
+            Ok(behind) if behind <= PADDING_BYTES => Ok(()),
+            _ => {
+                leaves.clear();
+                self.by_own(data, leaves).map(|_| ())
+            }
+        }
+    }
+
+    /// Whether the log's own definition fits a message to its last byte; an empty one fits only messages without any.
+    fn by_own(&self, data: &[u8], leaves: &mut Leaves) -> Result<bool, String> {
+        let definition = self.own.as_ref().map_err(Clone::clone)?;
+        let behind = cdr::decode(definition, data, leaves)?;
+        if behind > PADDING_BYTES && definition.types.first().is_none_or(Vec::is_empty) {
+            return Err(
+                "its definition in the log is empty, and its type is none of the usual messages of ROS 2: record it with its definition, or convert the bag where its package is installed (`ros2 bag convert`)"
+                    .to_owned(),
+            );
+        }
+        Ok(behind <= PADDING_BYTES)
+    }
 }
 
 #[cfg(test)]
@@ -34,5 +90,63 @@ mod tests {
         }
         assert!(count > 40);
         assert!(known("sensor_msgs/msg/Banana").is_none());
+    }
+
+    /// A point with its stamp: header, x, y, z.
+    fn point(x: f64) -> Vec<u8> {
+        let mut b = vec![0, 1, 0, 0];
+        b.extend(7i32.to_le_bytes());
+        b.extend(9u32.to_le_bytes());
+        b.extend(4u32.to_le_bytes());
+        b.extend(b"tow\0");
+        for v in [x, 2.0, 3.0] {
+            b.extend(f64::to_le_bytes(v));
+        }
+        b
+    }
+
+    fn x_of(name: &str, text: Result<&str, String>) -> Result<Option<f64>, String> {
+        let mut leaves = Leaves::default();
+        Layout::of(name, text).decode(&point(1.5), &mut leaves)?;
+        let x = leaves.numbers().find(|n| n.0.ends_with(".x") || n.0 == "x");
+        Ok(x.map(|n| n.1.to_string().parse().unwrap()))
+    }
+
+    #[test]
+    fn an_empty_or_flawed_definition_of_a_known_type_fell_back_in_db3_alone() {
+        let name = "geometry_msgs/msg/PointStamped";
+        let line = "=".repeat(80);
+        for flawed in [
+            // Nothing, a blank, what it contains left out, only its beginning, another type's text, no text at all.
+            Ok(""),
+            Ok(" \n\n"),
+            Ok("std_msgs/Header header\nPoint point\n"),
+            Ok("std_msgs/Header header\n"),
+            Ok("float64[9] data\n"),
+            Ok("std_msgs/Header header\nBanana point\n"),
+            Ok("<xml>"),
+            Err("its schema is no text".to_owned()),
+        ] {
+            assert_eq!(x_of(name, flawed.clone()), Ok(Some(1.5)), "{flawed:?}");
+        }
+        // The log's own definition goes first where it fits.
+        let own = format!(
+            "std_msgs/Header stamp\nfloat64[2] first\nfloat64 x\n{line}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+        );
+        assert_eq!(x_of(name, Ok(&own)), Ok(Some(3.0)));
+        // Of a type of one's own the usual ones that it contains are known.
+        let own = "std_msgs/Header header\ngeometry_msgs/Point place\n";
+        assert_eq!(x_of("my_msgs/msg/Place", Ok(own)), Ok(Some(1.5)));
+    }
+
+    #[test]
+    fn an_empty_definition_of_a_type_that_is_not_known_is_said() {
+        let error = x_of("my_msgs/msg/Place", Ok("")).unwrap_err();
+        assert!(error.contains("definition in the log is empty"), "{error}");
+        // A message without fields is one byte, or none.
+        let layout = Layout::of("std_msgs/msg/Empty", Ok(""));
+        for bytes in [&[0, 1, 0, 0, 0][..], &[0, 1, 0, 0, 0, 0, 0, 0]] {
+            assert_eq!(layout.decode(bytes, &mut Leaves::default()), Ok(()));
+        }
     }
 }

@@ -102,8 +102,8 @@ pub(super) fn indexed_messages(file: &File, place: &Place) -> Result<BTreeMap<u1
     Ok(messages)
 }
 
-/// Contents by the summary; `None` = there is none, or not of everything.
-pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
+/// The summary's records with the footer, and where they begin; `None` = there is no summary.
+fn summary_section(file: &File) -> Result<Option<(u64, Bytes)>, Damage> {
     let file_bytes = file.metadata().map_or(0, |m| m.len());
     let Some(footer_at) = file_bytes.checked_sub(TAIL_BYTES) else {
         return Ok(None);
@@ -121,12 +121,39 @@ pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
     else {
         return Ok(None);
     };
-    let mut section = bytes_at(file, start, len)?;
+    let section = bytes_at(file, start, len)?;
     let saved = records::footer_crc(&footer)?;
     let calculated = crc32fast::hash(&section[..section.len() - CRC_BYTES]);
     if saved != 0 && saved != calculated {
         return Err(Damage::SummaryCrc { saved, calculated });
     }
+    Ok(Some((start, section)))
+}
+
+/// Schemas and channels that a sound summary repeats; none without one.
+pub(crate) fn declared_at_end(file: &File) -> Declared {
+    let mut declared = Declared::default();
+    let Ok(Some((_, mut section))) = summary_section(file) else {
+        return declared;
+    };
+    while let Some(Ok((opcode, body))) = records::next_inner(&mut section) {
+        let taken = match opcode {
+            op::SCHEMA => records::schema(&body).and_then(|s| declared.add_schema(s)),
+            op::CHANNEL => records::channel(&body).and_then(|c| declared.add_channel(c)),
+            _ => Ok(()),
+        };
+        if taken.is_err() {
+            return Declared::default();
+        }
+    }
+    declared
+}
+
+/// Contents by the summary; `None` = there is none, or not of everything.
+pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
+    let Some((start, mut section)) = summary_section(file)? else {
+        return Ok(None);
+    };
     let (mut contents, mut stated) = (Contents::default(), None);
     let mut chunks = Vec::new();
     while let Some(record) = records::next_inner(&mut section) {

@@ -93,13 +93,15 @@ impl<'a> Cdr<'a> {
     }
 }
 
+/// Reads a message; returns the number of bytes behind its last field.
 pub(crate) fn decode(
     definition: &Definition,
     message: &[u8],
     leaves: &mut Leaves,
-) -> Result<(), String> {
+) -> Result<usize, String> {
     let mut cdr = Cdr::new(message)?;
-    structure(definition, 0, &mut cdr, leaves, 0)
+    structure(definition, 0, &mut cdr, leaves, 0)?;
+    Ok(cdr.bytes.len().saturating_sub(cdr.at))
 }
 
 fn structure(

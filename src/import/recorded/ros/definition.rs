@@ -125,6 +125,27 @@ fn array(word: &str) -> Option<(&str, Many)> {
     Some((base, many))
 }
 
+/// Fields of each type of a schema; those before the first title are of the type `own`.
+fn sections(own: &str, text: &str) -> BTreeMap<String, Typed> {
+    let mut texts = BTreeMap::new();
+    let mut title = own.to_owned();
+    let mut section = String::new();
+    for line in text.lines() {
+        let line = line.trim_end();
+        if line.len() >= 10 && line.bytes().all(|b| b == b'=') {
+            texts.insert(std::mem::take(&mut title), lines(&section));
+            section.clear();
+        } else if let Some(name) = line.strip_prefix("MSG:") {
+            title = short(name);
+        } else {
+            section.push_str(line);
+            section.push('\n');
+        }
+    }
+    texts.insert(title, lines(&section));
+    texts
+}
+
 struct Compiler {
     texts: BTreeMap<String, Typed>,
     places: BTreeMap<String, usize>,
@@ -200,28 +221,19 @@ impl Compiler {
 impl Definition {
     /// Reads a schema as bags hold it: the message's own text, then `MSG: package/Type` after a line of `=`.
     pub fn parse(name: &str, text: &str) -> Result<Definition, String> {
+        Definition::parse_with(name, text, "")
+    }
+
+    /// The same; types that the text uses and does not define are looked for in `others`, a text of the same form.
+    pub fn parse_with(name: &str, text: &str, others: &str) -> Result<Definition, String> {
         if text.lines().any(|line| line.trim() == "---") {
             return Err(format!(
                 "the schema of {name} is a service's or an action's text (request --- response), and its messages are laid out otherwise: record the values on a topic of their own"
             ));
         }
-        let mut texts = BTreeMap::new();
         let own = short(name);
-        let mut title = own.clone();
-        let mut section = String::new();
-        for line in text.lines() {
-            let line = line.trim_end();
-            if line.len() >= 10 && line.bytes().all(|b| b == b'=') {
-                texts.insert(std::mem::take(&mut title), lines(&section));
-                section.clear();
-            } else if let Some(name) = line.strip_prefix("MSG:") {
-                title = short(name);
-            } else {
-                section.push_str(line);
-                section.push('\n');
-            }
-        }
-        texts.insert(title, lines(&section));
+        let mut texts = sections("", others);
+        texts.extend(sections(&own, text));
         // Not in every schema, and the same in all.
         let two = |a: &str, b: &str| {
             vec![

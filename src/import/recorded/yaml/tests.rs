@@ -1,0 +1,117 @@
+use super::*;
+
+fn counts(text: &str) -> (Option<u64>, Vec<String>, Vec<(String, Option<u64>)>) {
+    let yaml = Yaml::parse(text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    let own = yaml.get("rosbag2_bagfile_information").unwrap();
+    let files = own.get("relative_file_paths").unwrap().list().iter();
+    let topics = own.get("topics_with_message_count").unwrap().list().iter();
+    (
+        own.get("message_count").and_then(Yaml::count),
+        files.map(|f| f.text().unwrap().to_owned()).collect(),
+        topics
+            .map(|t| {
+                let name = t.get("topic_metadata").unwrap().get("name").unwrap();
+                let count = t.get("message_count").and_then(Yaml::count);
+                (name.text().unwrap().to_owned(), count)
+            })
+            .collect(),
+    )
+}
+
+#[test]
+fn the_same_account_is_read_as_every_writer_lays_it_out() {
+    let cpp = r#"rosbag2_bagfile_information:
+  version: 5
+  storage_identifier: sqlite3
+  duration:
+    nanoseconds: 24960000000
+  message_count: 1250
+  topics_with_message_count:
+    - topic_metadata:
+        name: /pose
+        type: geometry_msgs/msg/PoseStamped
+        offered_qos_profiles: "- history: 3\n  depth: 0\n  reliability: 1"
+      message_count: 625
+    - topic_metadata:
+        name: "/cmd/surge: a"
+        offered_qos_profiles:
+          - history: unknown
+            depth: 0
+      message_count: 625
+  compression_format: ""
+  relative_file_paths:
+    - a_0.db3
+    - a 1.db3
+  files:
+    - path: a_0.db3
+      message_count: 3
+  custom_data: ~
+"#;
+    let python = r#"# by a script
+---
+rosbag2_bagfile_information:
+  message_count: 1250   # all
+  relative_file_paths:
+  - a_0.db3
+  - 'a 1.db3'
+  topics_with_message_count:
+  - message_count: 625
+    topic_metadata:
+      name: /pose
+      offered_qos_profiles: "- history: 3\n  depth: 0\n  reliability: 1\n  durability\
+        : 2\n  # no remark"
+  - message_count: 625
+    topic_metadata: {name: '/cmd/surge: a', type: x}
+    note: |
+      message_count: 7
+       - none
+"#;
+    let json = r#"{"rosbag2_bagfile_information": {"message_count": 1250,
+ "relative_file_paths": ["a_0.db3", "a 1.db3"], "topics_with_message_count": [
+   {"topic_metadata": {"name": "/pose", "q": []}, "message_count": 625},
+   {"topic_metadata": {"name": "/cmd/surge: a"}, "message_count": 625}]}}"#;
+    let flow = "rosbag2_bagfile_information: {message_count: 1250, relative_file_paths: [a_0.db3, a 1.db3],\n  topics_with_message_count: [{topic_metadata: {name: /pose}, message_count: 625},\n  {topic_metadata: {name: \"/cmd/surge: a\"}, message_count: 625}]}\n";
+    let expected = (
+        Some(1250),
+        vec!["a_0.db3".to_owned(), "a 1.db3".to_owned()],
+        vec![
+            ("/pose".to_owned(), Some(625)),
+            ("/cmd/surge: a".to_owned(), Some(625)),
+        ],
+    );
+    for text in [cpp, python, json, flow, &cpp.replace('\n', "\r\n")] {
+        assert_eq!(counts(text), expected, "{text}");
+    }
+}
+
+#[test]
+fn what_is_no_yaml_is_an_error_with_its_line() {
+    let deep = "- ".repeat(1000);
+    for (text, words) in [
+        ("a: 1\nb\n", "line 2: 'b'"),
+        ("a: 1\n   b: 2\nc: [1, 2\n", "line 3"),
+        ("a: \"x\n", "line 1"),
+        (deep.as_str(), "nested too deep"),
+        ("a:\n    b: 1\n  c: 2\n", "line 3"),
+    ] {
+        let error = Yaml::parse(text).unwrap_err();
+        assert!(error.contains(words), "{text:?}: {error}");
+    }
+    for text in [
+        "",
+        "[[[",
+        "{a: {b",
+        "- - -\n -",
+        ":",
+        "]",
+        "{]}",
+        "'",
+        "a: &",
+        "|",
+        "\u{e4}: {\u{e4}",
+    ] {
+        let _ = Yaml::parse(text);
+    }
+    let _ = Yaml::parse(&"[".repeat(100_000));
+    let _ = Yaml::parse(&"{a: ".repeat(100_000));
+}
