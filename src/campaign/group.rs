@@ -3,7 +3,7 @@
 use crate::store::Key;
 use crate::survey::{Found, Identity, RigToml};
 use chrono::{DateTime, Utc};
-use hydroline_core::clock::{Clock, SystemClock, doubt};
+use hydroline_core::clock::{Clock, SystemClock, clock_error};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub struct Group {
     pub water: String,
     /// Days, in order.
     pub days: Vec<Day>,
-    /// Logs whose clock is doubted, by place in the list of logs: they are of no day.
+    /// Logs whose clock is wrong, by place in the list of logs: they are of no day.
     pub undated: Vec<usize>,
 }
 
@@ -62,7 +62,7 @@ pub fn groups_at(logs: &[Found], now_ns: u64) -> Vec<Group> {
             members.sort_by_key(|(k, is)| (is.start_ns, *k));
             let (mut days, mut undated): (Vec<Day>, Vec<usize>) = (Vec::new(), Vec::new());
             for (k, is) in &members {
-                if doubt(is.start_ns, now_ns).is_some() {
+                if clock_error(is.start_ns, now_ns).is_some() {
                     undated.push(*k);
                     continue;
                 }

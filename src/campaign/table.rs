@@ -200,7 +200,7 @@ fn run(
         if group.undated.contains(&k) {
             let at = date(is.start_ns);
             remarks.push(format!(
-                "no day: by its stamps it is of {at}, and its clock is doubted"
+                "no day: by its stamps it is of {at}, and its clock is wrong"
             ));
         } else {
             put(&mut row, "date", date(is.start_ns));

@@ -279,7 +279,7 @@ impl Campaign<'_> {
             match last {
                 None => runs.extend(unit.needs.iter().filter(is_undated)),
                 Some(_) => left.push(format!(
-                    "{} run(s) without a day, as their clock is doubted: before or since the last change, nobody knows",
+                    "{} run(s) without a day, as their clock is wrong: before or since the last change, nobody knows",
                     of.undated.len()
                 )),
             }

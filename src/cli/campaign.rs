@@ -247,7 +247,7 @@ fn print(found: &[Found], groups: &[Group], rows: &[Row]) {
         let dated: usize = group.days.iter().map(|d| d.logs.len()).sum();
         let undated = match group.undated.len() {
             0 => String::new(),
-            n => format!(", {n} of them without a day: their clock is doubted (`doctor`)"),
+            n => format!(", {n} of them without a day: their clock is wrong (`doctor`)"),
         };
         outln!(
             "{} ({}): {} runs on {} day(s){undated}",

@@ -16,32 +16,32 @@ const EARLIEST_UNIX_S: u64 = 978_307_200;
 /// A log may have been made this much later than now \[s\]: a day, as clocks of other zones are kept as UTC.
 const AHEAD_MAX_S: u64 = 86_400;
 
-/// Reason to doubt the clock that a log was stamped by.
+/// Fault of the clock that a log was stamped by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ClockDoubt {
+pub enum ClockError {
     /// Before any such log was made: the clock was never set.
     NeverSet,
     /// Later than now.
     Future,
 }
 
-impl std::fmt::Display for ClockDoubt {
+impl std::fmt::Display for ClockError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            ClockDoubt::NeverSet => "before 2001, as of a clock that was never set",
-            ClockDoubt::Future => "later than now",
+            ClockError::NeverSet => "before 2001, as of a clock that was never set",
+            ClockError::Future => "later than now",
         })
     }
 }
 
 /// Whether a log's start can be no date, seen from `now_ns` (UNIX); what a clock that is wrong itself says of the future is
 /// not believed.
-pub fn doubt(start_ns: u64, now_ns: u64) -> Option<ClockDoubt> {
+pub fn clock_error(start_ns: u64, now_ns: u64) -> Option<ClockError> {
     let [start_s, now_s] = [start_ns, now_ns].map(|ns| ns / 1_000_000_000);
     if start_s < EARLIEST_UNIX_S {
-        Some(ClockDoubt::NeverSet)
+        Some(ClockError::NeverSet)
     } else if now_s >= EARLIEST_UNIX_S && start_s > now_s.saturating_add(AHEAD_MAX_S) {
-        Some(ClockDoubt::Future)
+        Some(ClockError::Future)
     } else {
         None
     }
@@ -178,11 +178,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn starts_in_1970_and_2099_are_doubted_and_a_host_that_is_in_1970_itself_doubts_no_future() {
+    fn starts_in_1970_and_2099_are_errors_and_a_host_that_is_in_1970_itself_finds_none_in_the_future()
+     {
         let ns = |s: u64| s * 1_000_000_000;
         let now = ns(1_790_000_000);
         for early in [0, 45, 315_964_800, 946_684_800] {
-            assert_eq!(doubt(ns(early), now), Some(ClockDoubt::NeverSet), "{early}");
+            assert_eq!(
+                clock_error(ns(early), now),
+                Some(ClockError::NeverSet),
+                "{early}"
+            );
         }
         for late in [
             1_790_100_000,
@@ -190,12 +195,16 @@ mod tests {
             4_085_942_400,
             u64::MAX / 1_000_000_000,
         ] {
-            assert_eq!(doubt(ns(late), now), Some(ClockDoubt::Future), "{late}");
-            assert_eq!(doubt(ns(late), ns(60)), None, "{late}");
+            assert_eq!(
+                clock_error(ns(late), now),
+                Some(ClockError::Future),
+                "{late}"
+            );
+            assert_eq!(clock_error(ns(late), ns(60)), None, "{late}");
         }
-        assert_eq!(doubt(u64::MAX, now), Some(ClockDoubt::Future));
+        assert_eq!(clock_error(u64::MAX, now), Some(ClockError::Future));
         for right in [SIMULATION_START_UNIX_S, 1_789_999_999, 1_790_050_000] {
-            assert_eq!(doubt(ns(right), now), None, "{right}");
+            assert_eq!(clock_error(ns(right), now), None, "{right}");
         }
     }
 }

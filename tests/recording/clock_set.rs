@@ -135,16 +135,16 @@ fn a_clock_set_in_mid_run_is_refused_and_the_two_runs_it_names_are_sound() {
 
 /// They came before and behind all days of a campaign, and what had changed since was said of them.
 #[test]
-fn logs_of_1970_and_2099_are_doubted_and_have_no_day() {
+fn logs_of_1970_and_2099_are_clock_errors_and_have_no_day() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     std::fs::create_dir(dir.join("logs")).unwrap();
     simulate(dir, "1", "1970-01-01T00:00:45Z", "logs/early.mcap");
     simulate(dir, "2", "2024-05-04T09:00:00Z", "logs/right.mcap");
     simulate(dir, "3", "2099-06-23T00:00:00Z", "logs/late.mcap");
-    for (log, doubted) in [("early", true), ("right", false), ("late", true)] {
+    for (log, wrong) in [("early", true), ("right", false), ("late", true)] {
         let (_, text) = run(dir, &["doctor", &format!("logs/{log}.mcap")]);
-        assert_eq!(text.contains("clock: stamped"), doubted, "{text}");
+        assert_eq!(text.contains("clock: stamped"), wrong, "{text}");
     }
     let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign"]);
     assert_eq!(code, Some(0), "{text}");

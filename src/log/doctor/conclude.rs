@@ -6,7 +6,7 @@ use crate::info::utc;
 use crate::part::MetadataMap;
 use crate::scan::Learnt;
 use crate::seal::{DAMAGED_KEY, SealState};
-use hydroline_core::clock::doubt;
+use hydroline_core::clock::clock_error;
 use hydroline_core::event::kind;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
@@ -266,10 +266,10 @@ impl Checks {
             return;
         };
         let ends = [first_ns, self.last_log_ns];
-        let doubted = ends
+        let wrong = ends
             .into_iter()
-            .find_map(|ns| Some((ns, doubt(ns, now_ns)?)));
-        let Some((ns, reason)) = doubted else {
+            .find_map(|ns| Some((ns, clock_error(ns, now_ns)?)));
+        let Some((ns, reason)) = wrong else {
             return;
         };
         let message = format!("stamped {}: {reason}", utc(ns));
