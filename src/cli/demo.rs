@@ -185,6 +185,7 @@ fn one_run(
         build,
         live: None,
         tank: None,
+        unattended: false,
     };
     let report = recording.record(&log)?;
     print_recording(&report);

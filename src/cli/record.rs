@@ -41,7 +41,8 @@ use std::time::{Duration, Instant};
 #[command(after_help = "\
 While recording: Space = thrusters to neutral at once (recording goes on), q or Ctrl-C = neutral and end cleanly. \
 Pressed before a plan has begun or between runs, each of them keeps the plan from starting and ends the series. \
-A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits.
+A plan is simulated first and refused when it leaves the tank, the target, or pulse and slew limits. Just before it begins it \
+is simulated again from where the camera measures the vehicle, and does not begin where it would leave the tank or the limits.
 
 With --runs each run starts where the one before has left the vehicle, and the whole series is simulated like that; \
 with --return-to-start you bring it back by hand, shown the way by the camera (\"0.12 m forward, 0.03 m left, turn 4° \
@@ -68,9 +69,10 @@ Examples:
   hydroline record --rig my.toml --until-decided --out run.mcap    # run-1.mcap, run-2.mcap, ...
   hydroline record --rig my.toml --for 30s --note \"still water\" --out still.mcap
 
-Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration): what was \
-recorded is readable; 2 bad arguments, rig, plan or calibration: nothing was started; 3 done, but frames were lost, \
-the disk filled up, fewer than half of the frames looked at have a pose, or the controller did not confirm neutral.")]
+Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration, a \
+vehicle from whose place the plan does not begin): what was recorded is readable; 2 bad arguments, rig, plan or calibration: \
+nothing was started; 3 done, but frames were lost, the disk filled up, fewer than half of the frames looked at have a pose, or \
+the controller did not confirm neutral.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -141,7 +143,7 @@ pub struct Args {
     /// Prints the report as one JSON object
     #[arg(long)]
     json: bool,
-    /// Longest wait for the first good frame and the controller
+    /// Longest wait for the first good frame and the controller; in a service for a measured place before a plan, too
     #[arg(long, value_parser = inputs::some_duration, allow_hyphen_values = true, default_value = "10s", value_name = "TIME")]
     ready_within: Duration,
     /// Log to write
@@ -199,16 +201,18 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             tank: tank.as_ref(),
         };
         let proposing = until::Proposing::begin(&session, calibration.clone())?;
-        if !args.dry_run {
-            plan_once::PlanOnce::of_service().refuse_again()?;
-        }
         let work = Work::Proposed(Box::new(proposing));
         let calibrating = Calibrating {
             calibration,
             calibrate: None,
             out: None,
         };
-        return AtTank::new(&session, work, calibrating)?.run();
+        let mut series = AtTank::new(&session, work, calibrating)?;
+        // The last thing before the runs: what fails above has begun no plan.
+        if !args.dry_run {
+            plan_once::PlanOnce::of_service().refuse_again()?;
+        }
+        return series.run();
     }
     if args.yes || !args.dof.is_empty() {
         let flag = if args.yes { "--yes" } else { "--dof" };
@@ -509,6 +513,8 @@ pub(super) struct Recording<'a> {
     pub live: Option<hydroline_daemon::live::Live>,
     /// The rig whose vehicle and physics simulated parts have; `None` = this one's.
     pub tank: Option<&'a Rig>,
+    /// Whether nobody watches: no plan begins at a place that is not measured.
+    pub unattended: bool,
 }
 
 impl Recording<'_> {
@@ -608,6 +614,7 @@ impl Recording<'_> {
             ready_within: self.ready_within,
             extractor: ExtractorConfig::default(),
             calibrate: self.calibrate.clone(),
+            unattended: self.unattended,
         };
         let bar = progress::bar(length.map_or(0, |l| l.as_secs()), "recording [s]");
         let parts = Parts {

@@ -107,7 +107,7 @@ impl Left {
 }
 
 /// An angle as the shortest way, -pi to pi \[rad\].
-fn wrapped(angle_rad: f64) -> f64 {
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - TAU * (angle_rad / TAU).round()
 }
 

@@ -9,6 +9,7 @@ mod aim_words;
 mod calibrating;
 pub mod floor;
 pub mod keys;
+mod launch;
 mod limit_monitor;
 pub mod limits;
 pub mod mailbox;
@@ -85,6 +86,8 @@ pub struct Job {
     /// The board to look for in every analysed frame; without length and plan the recording ends with an
     /// accepted calibration.
     pub calibrate: Option<calibrate::Setup>,
+    /// Whether nobody watches, as in a service: no plan begins at a place that is not measured.
+    pub unattended: bool,
 }
 
 /// The state of a recording, for whoever watches.
@@ -204,6 +207,8 @@ struct Shared {
     progress: Mutex<Progress>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
+    /// From image to laser plane; `None` = no poses.
+    map: Option<Arc<dyn PlaneMap>>,
     floor: Mutex<Option<limit_monitor::Measured>>,
     pose: Mutex<Option<MeasuredPose>>,
     calibrating: Mutex<Option<Calibrating>>,
@@ -326,6 +331,7 @@ pub fn run(
         progress: Mutex::new(Progress::default()),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
+        map: parts.map.clone(),
         floor: Mutex::new(None),
         pose: Mutex::new(None),
         calibrating: Mutex::new(None),

@@ -14,6 +14,8 @@ use serde::Serialize;
 const STEP_S: f64 = 0.02;
 /// First words of the violation where the stripe leaves the target.
 const OFF: &str = "stripe off the lit target";
+/// Last words of the kinds of violations where the vehicle leaves what it must stay in.
+const LEAVING: [&str; 2] = [" against the tank", " against [limits]"];
 /// Coasting after the plan's last step that is still watched \[s\].
 const COAST_S: f64 = 5.0;
 
@@ -35,6 +37,19 @@ pub struct Violation {
     pub at_s: f64,
     /// Violation in words, with value and allowed range.
     pub what: String,
+}
+
+impl Violation {
+    /// Kind of the violation: its words up to the colon.
+    pub fn kind(&self) -> &str {
+        let parts = self.what.split_once(": ");
+        parts.map_or(self.what.as_str(), |(kind, _)| kind)
+    }
+
+    /// Whether the vehicle leaves the tank or the rig's `[limits]`; else a pulse is not allowed or the target is lost.
+    pub fn is_leaving(&self) -> bool {
+        LEAVING.iter().any(|end| self.kind().ends_with(end))
+    }
 }
 
 impl std::fmt::Display for Violation {
@@ -514,6 +529,11 @@ mod tests {
             words.iter().any(|w| w.starts_with("x against")),
             "{words:?}"
         );
+        for violation in &report.violations {
+            let of_place = ["x against the tank", "x against [limits]"];
+            let is_of_place = of_place.contains(&violation.kind());
+            assert_eq!(violation.is_leaving(), is_of_place, "{violation}");
+        }
     }
 
     #[test]

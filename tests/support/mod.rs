@@ -49,6 +49,7 @@ pub fn job(rig: &Rig, plan: Option<Plan>, length_s: f64) -> Job {
         ready_within: Duration::from_secs(20),
         extractor: ExtractorConfig::default(),
         calibrate: None,
+        unattended: false,
     }
 }
 
@@ -97,6 +98,16 @@ pub fn read(path: &Path) -> (Vec<Record>, BTreeMap<String, MetadataMap>) {
     let mut reader = LogReader::open(path).unwrap();
     let records = reader.by_ref().map(|m| m.unwrap().record).collect();
     (records, reader.metadata().clone())
+}
+
+/// The built-in rig over a bare floor, as a file: no pose shows where the vehicle is, and no plan waits for one.
+pub fn bare_rig(dir: &Path) -> std::path::PathBuf {
+    let text = Rig::builtin("lshpi").unwrap().effective_toml;
+    let mut table: toml::Table = toml::from_str(&text).unwrap();
+    assert!(table.remove("target").is_some());
+    let path = dir.join("bare.toml");
+    std::fs::write(&path, toml::to_string(&table).unwrap()).unwrap();
+    path
 }
 
 /// The binary under test; HYDROLINE_BINARY names another one, to ask what it did.

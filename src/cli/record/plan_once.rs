@@ -22,6 +22,11 @@ impl PlanOnce {
         Self(path.map(PathBuf::from))
     }
 
+    /// Whether a service asks for it: then nobody watches where the vehicle is.
+    pub fn is_asked(&self) -> bool {
+        self.0.is_some()
+    }
+
     /// Notes that a plan begins; in words why it must not, where one has begun before.
     ///
     /// # Errors
@@ -83,6 +88,7 @@ mod tests {
         assert_eq!(once.begin("surge-4n").unwrap(), None);
         // At a terminal nobody keeps count.
         assert_eq!(PlanOnce(None).begin("surge-4n").unwrap(), None);
+        assert!(once.is_asked() && !PlanOnce(None).is_asked());
     }
 
     #[test]

@@ -203,6 +203,7 @@ impl<'a> AtTank<'a> {
             build: self.session.build,
             live: self.session.live(rig, &out, run),
             tank: self.session.tank,
+            unattended: plan_once::PlanOnce::of_service().is_asked(),
         };
         let report = recording.record(&out)?;
         self.map = Arc::from(recording.in_force().0.to_map());

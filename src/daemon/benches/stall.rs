@@ -112,6 +112,7 @@ fn run(stall_ms: u64) -> (Vec<Duration>, u64, u64, u64) {
         ready_within: Duration::from_secs(5),
         extractor: ExtractorConfig::default(),
         calibrate: None,
+        unattended: false,
     };
     let report = record::run(parts, &job, &Shutdown::new(), Box::new(|_| {})).unwrap();
     let lost = report.capture.lost.total() + report.log.counts.frames_dropped;

@@ -1,5 +1,6 @@
 //! The main thread of a recording: signals, keys, the clock record, the plan's start and the end.
 
+use super::launch::{Launcher, Look, Next};
 use super::mailbox::Mailbox;
 use super::{Job, RecordError, Shared, Status, keys::Keys, loads, manager};
 use crate::signals::Signals;
@@ -17,6 +18,8 @@ use std::time::Duration;
 const TICK: Duration = Duration::from_millis(100);
 /// From the moment everything is ready to the plan's first command.
 pub const LEAD: Duration = Duration::from_millis(500);
+/// Part of [`LEAD`] that the thruster service needs to take a plan; while the place is measured the rest may pass.
+const SOON: Duration = Duration::from_millis(200);
 
 /// Runs until something ends the recording and says what.
 pub(super) fn supervise(
@@ -42,6 +45,11 @@ pub(super) fn supervise(
         ("log writer", shared.recorder.heartbeat()),
     ];
     watched.extend(service.map(|s| ("thruster service", s.heartbeat())));
+    let launcher = job
+        .plan
+        .as_ref()
+        .filter(|_| service.is_some())
+        .map(|plan| Launcher::new(job, plan, shared.map.clone()));
     let mut supervisor = Supervisor {
         liveness: Liveness::of(watched),
         standing: Vec::new(),
@@ -51,6 +59,9 @@ pub(super) fn supervise(
         signals,
         keys: Keys::watch(service.map(ThrusterService::handle)),
         started_ns: shared.clock.monotonic_ns(),
+        launcher,
+        ready_ns: None,
+        refused: None,
         began_ns: None,
         spaced: false,
         paged: false,
@@ -68,7 +79,13 @@ struct Supervisor<'a> {
     signals: &'static Signals,
     keys: Option<Keys>,
     started_ns: u64,
-    /// When the recording proper began: the first good frame and, with a plan, an answering controller.
+    /// The plan before it begins; `None` = no plan runs.
+    launcher: Option<Launcher>,
+    /// When there were the first good frame and, with a plan, an answering controller.
+    ready_ns: Option<u64>,
+    /// The plan does not begin from where the vehicle is.
+    refused: Option<StopReason>,
+    /// When the recording proper began: all was ready and, with a plan, known of the vehicle's place.
     began_ns: Option<u64>,
     /// Space was pressed: the plan is over because someone wanted it.
     spaced: bool,
@@ -97,10 +114,12 @@ impl Supervisor<'_> {
                             reason => reason,
                         });
                     }
-                    if self.began_ns.is_none() && self.ready() {
-                        self.began_ns = Some(self.shared.clock.monotonic_ns());
+                    if self.began_ns.is_none()
+                        && self.ready()
+                        && let Some(pose) = self.placed()
+                    {
                         manager::ready();
-                        self.begin()?;
+                        self.begin(pose)?;
                     }
                     let now = self.status();
                     if let Some(desk) = &self.shared.desk {
@@ -157,9 +176,15 @@ impl Supervisor<'_> {
             return Some(reason);
         }
         self.watch_page();
+        if let Some(reason) = self.refused.take() {
+            return Some(reason);
+        }
         match (self.elapsed(), self.job.length) {
             (Some(elapsed), Some(length)) if elapsed >= length => Some(self.finished()),
-            (None, _) if self.waited() > self.job.ready_within => Some(self.not_ready()),
+            // Once it is ready, what is missing is the vehicle's place: `placed` ends that wait.
+            (None, _) if self.waited() > self.job.ready_within && !self.ready() => {
+                Some(self.not_ready())
+            }
             _ => None,
         }
     }
@@ -277,7 +302,51 @@ impl Supervisor<'_> {
         ))
     }
 
-    fn begin(&self) -> Result<(), RecordError> {
+    /// The vehicle's pose where a plan begins, once that is known well enough; without a plan the rig's start. `None` = not
+    /// yet, or never: then [`Self::refused`] says why.
+    fn placed(&mut self) -> Option<[f64; 6]> {
+        let start = self.job.rig.tank.start_pose;
+        let now_ns = self.shared.clock.monotonic_ns();
+        let ready_ns = *self.ready_ns.get_or_insert(now_ns);
+        let look = Look {
+            now_ns,
+            ready_for: Duration::from_nanos(now_ns.saturating_sub(ready_ns)),
+            is_late: self.waited() > self.job.ready_within,
+            pose: *self.shared.pose.held(),
+        };
+        let Some(launcher) = self.launcher.as_mut() else {
+            return Some(start);
+        };
+        if self.spaced {
+            return Some(start);
+        }
+        match launcher.look(&look) {
+            Next::Wait | Next::Simulate(_) => None,
+            Next::Begin {
+                pose,
+                severity,
+                words,
+            } => {
+                self.shared.say(severity, &kind::PLAN_PLACE, words);
+                Some(pose)
+            }
+            Next::Refuse(words) => {
+                self.shared
+                    .say(Severity::Error, &kind::PLAN_PLACE, words.clone());
+                self.refused = Some(StopReason::PlanAborted(words));
+                None
+            }
+        }
+    }
+
+    /// Begins the recording proper, and the plan with the vehicle at this pose.
+    fn begin(&mut self, pose: [f64; 6]) -> Result<(), RecordError> {
+        let nanos = |d: Duration| d.as_nanos() as u64;
+        let now_ns = self.shared.clock.monotonic_ns();
+        // The plan starts a lead after it: as far as it goes, the time in which the place was measured counts.
+        let latest_ns = (now_ns + nanos(SOON)).saturating_sub(nanos(LEAD));
+        let began_ns = self.ready_ns.unwrap_or(now_ns).max(latest_ns);
+        self.began_ns = Some(began_ns);
         self.shared.say(
             Severity::Info,
             &kind::DAEMON_READY,
@@ -289,7 +358,8 @@ impl Supervisor<'_> {
         if self.spaced {
             return Ok(());
         }
-        let start_ns = self.shared.clock.monotonic_ns() + LEAD.as_nanos() as u64;
+        self.shared.tracker.place(&self.job.rig, pose);
+        let start_ns = began_ns + nanos(LEAD);
         service.run_plan(
             start_ns,
             plan.duration_s(),
@@ -298,7 +368,7 @@ impl Supervisor<'_> {
         let words = format!(
             "plan '{}' starts in {} ms, {:.1} s long",
             plan.name,
-            LEAD.as_millis(),
+            start_ns.saturating_sub(now_ns) / 1_000_000,
             plan.duration_s()
         );
         self.shared.say(Severity::Info, &kind::PLAN_START, words);

@@ -119,6 +119,17 @@ impl Tracker {
         }
     }
 
+    /// Puts the model at a measured pose, at rest; only while nothing has pushed it yet.
+    pub fn place(&self, rig: &Rig, pose: [f64; 6]) {
+        let mut model = self.model.held();
+        if let Some(state) = &mut model.state
+            && state.start_ns.is_none()
+            && let Ok(world) = World::new(rig, pose)
+        {
+            state.world = world;
+        }
+    }
+
     /// Whether there is a model that has not diverged.
     pub fn is_tracking(&self) -> bool {
         !self.missed.load(Ordering::Acquire) && self.model.held().state.is_some()
@@ -219,6 +230,23 @@ mod tests {
         };
         let (early, late) = (x(1), x(6));
         assert!(late - early > 0.05, "{early} .. {late}");
+    }
+
+    #[test]
+    fn the_model_starts_where_the_vehicle_is_measured() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let tracker = Tracker::new(&rig);
+        let mut measured = rig.tank.start_pose;
+        measured[0] += 0.5;
+        tracker.place(&rig, measured);
+        for command in commands(&rig) {
+            tracker.command(&command);
+        }
+        let x_m = || tracker.estimate(START_NS + 100_000_000).x_m.unwrap();
+        assert!((x_m() - measured[0]).abs() < 1e-3, "{}", x_m());
+        // What is on its way is not put elsewhere.
+        tracker.place(&rig, rig.tank.start_pose);
+        assert!((x_m() - measured[0]).abs() < 1e-3, "{}", x_m());
     }
 
     #[test]

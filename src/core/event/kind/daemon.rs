@@ -11,6 +11,8 @@ kinds! {
         "Capture, log writer or thruster service has shown no sign of life for a second. The service manager's watchdog is not fed meanwhile." {};
     DAEMON_PANIC "daemon.panic" [Error]
         "A thread of the daemon panicked, which is a bug of hydroline; the run ends." {};
+    PLAN_PLACE "plan.place" [Info, Warning, Error]
+        "Where the vehicle is measured before a plan begins, and what the plan does from there. As a warning: the target is lost from there, or the place is not measured. As an error: the plan does not begin, since the vehicle would leave the tank or `[limits]`, or since a service does not measure its place." {};
     PLAN_START "plan.start" [Info]
         "The plan starts." {};
     LIMIT_PASSED "limit.passed" [Error]
