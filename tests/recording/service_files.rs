@@ -112,13 +112,77 @@ fn the_service_starts_no_plan_again() {
             .find_map(|l| l.strip_prefix(&format!("{key}=")));
         line.unwrap_or_else(|| panic!("no {key}")).to_owned()
     };
-    // A limit, a lost link, a missed deadline are 1; what is given is 2.
-    assert_eq!(of("RestartPreventExitStatus"), "1 2");
-    // What is started again all the same (a crash, the watchdog) finds the file of the first start in the unit's own folder.
+    // What is started again by itself finds the file of the first start in the unit's own folder.
     assert_eq!(of("RuntimeDirectoryPreserve"), "restart");
     let once = of("Environment");
     let folder = format!("HYDROLINE_PLAN_ONCE=%t/{}/", of("RuntimeDirectory"));
     assert!(once.starts_with(&folder), "{once}");
+}
+
+/// Without a plan there is nothing that must not be begun again, and a camera that dropped off its bus (1) may be back.
+#[test]
+fn a_service_that_only_records_is_started_again_after_a_lost_camera() {
+    let unit = std::fs::read_to_string(file("hydroline.service")).unwrap();
+    assert!(unit.lines().any(|l| l == "Restart=on-failure"));
+    let prevented = unit
+        .lines()
+        .find_map(|l| l.strip_prefix("RestartPreventExitStatus="))
+        .unwrap();
+    // What is given (2) does not mend itself.
+    assert_eq!(prevented, "2");
+    // A run without a plan notes none: the start after it is like the first.
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let begun = dir.path().join("plan-begun");
+    let output = crate::support::hydroline()
+        .args(["record", "--rig", "lshpi", "--for", "200ms", "--out"])
+        .arg(dir.path().join("run.mcap"))
+        .env("HYDROLINE_PLAN_ONCE", &begun)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+    assert!(!begun.exists());
+}
+
+#[test]
+fn a_service_whose_vehicles_place_nobody_measures_drives_nothing() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let (plan, begun) = (dir.path().join("plan.toml"), dir.path().join("plan-begun"));
+    std::fs::write(&plan, "[[step]]\nfor_s = 0.2\nwrench = { surge_n = 8.0 }\n").unwrap();
+    let rig = crate::support::bare_rig(dir.path());
+    let record = |name: &str| {
+        let log = dir.path().join(name);
+        let mut command = crate::support::hydroline();
+        command.args(["record", "--rig"]).arg(&rig);
+        command.arg("--plan").arg(&plan).arg("--out").arg(&log);
+        (command, log)
+    };
+    let (mut service, log) = record("service.mcap");
+    let output = service.env("HYDROLINE_PLAN_ONCE", &begun).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("does not begin") && said.contains("systemctl stop"),
+        "{said}"
+    );
+    assert!(!moved(&log), "{said}");
+    // Refused or not, it was the one start: what comes next drives nothing.
+    assert!(begun.exists());
+    // Whoever watches is warned, and drives.
+    let (mut watched, log) = record("watched.mcap");
+    let output = watched.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+    assert!(moved(&log), "{said}");
+}
+
+/// Whether any thruster was commanded to push.
+fn moved(log: &Path) -> bool {
+    let (records, _) = crate::support::read(log);
+    let pushes = |r: &hydroline::log::Record| matches!(r, hydroline::log::Record::Command(c) if c.pulse_us != 1500.0);
+    records.iter().any(pushes)
 }
 
 #[test]
@@ -140,9 +204,8 @@ fn what_is_started_again_records_and_drives_nothing() {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
     assert!(said.contains("is not run"), "{said}");
-    let (records, metadata) = crate::support::read(&log);
-    let pushes = |r: &hydroline::log::Record| matches!(r, hydroline::log::Record::Command(c) if c.pulse_us != 1500.0);
-    assert!(!records.iter().any(pushes), "{said}");
+    assert!(!moved(&log), "{said}");
+    let (_, metadata) = crate::support::read(&log);
     let session = &metadata["session"];
     assert!(
         session["plan.withheld"].contains("systemctl stop"),
