@@ -20,6 +20,7 @@ mod join;
 mod live_page;
 mod log_guarantee;
 mod many_logs;
+mod measured_place;
 mod merged_again;
 mod notebook;
 mod one_verdict;

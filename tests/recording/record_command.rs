@@ -21,7 +21,7 @@ fn plan_file(dir: &Path, text: &str) -> PathBuf {
 }
 
 /// Whether any thruster was commanded to push.
-fn moved(records: &[Record]) -> bool {
+pub fn moved(records: &[Record]) -> bool {
     let pushes = |r: &Record| matches!(r, Record::Command(c) if c.pulse_us != 1500.0);
     records.iter().any(pushes)
 }
@@ -249,6 +249,18 @@ pub fn recorded(
     let rig = Rig::builtin("lshpi").unwrap();
     let mut job = crate::support::job(&rig, plan, length_s);
     limit(&mut job.rig.limits);
+    recorded_at(dir, rig.tank.start_pose, &job, clock)
+}
+
+/// Records a job on the built-in vehicle, which lies at this pose.
+pub fn recorded_at(
+    dir: &Path,
+    pose: [f64; 6],
+    job: &hydroline::record::Job,
+    clock: Arc<dyn hydroline::clock::Clock>,
+) -> (StopReason, Vec<Record>) {
+    let mut rig = Rig::builtin("lshpi").unwrap();
+    rig.tank.start_pose = pose;
     let vehicle = hydroline::simulated::SimulatedVehicle::new(&rig).unwrap();
     let renderer = hydroline_sim::Renderer::new(&rig).unwrap();
     let view = hydroline::simulated::CameraView::new(vehicle.clone(), renderer);
@@ -287,7 +299,7 @@ pub fn recorded(
     };
     let report = hydroline::record::run(
         parts,
-        &job,
+        job,
         &hydroline::shutdown::Shutdown::new(),
         Box::new(|_| {}),
     )
