@@ -44,9 +44,10 @@ SERIAL = f"/dev/serial/by-id/usb-QEMU_QEMU_USB_SERIAL_{ADAPTER_SERIAL}-if00-port
 LOG = {"min_free_bytes": 16 << 20, "zstd_level": 0}
 
 
-def write(repository: Path, folder: Path, cameras: dict[str, dict], lasers: dict[str, dict] | None = None) -> None:
+def write(repository: Path, folder: Path, cameras: dict[str, dict], lasers: dict[str, dict] | None = None, with_target: bool = False) -> None:
     """Copies rigs/ (the data, not the code) into `folder` and adds one NAME.toml per camera, from bench-v4l.toml,
-    with the keys of `lasers` put into its [laser]."""
+    with the keys of `lasers` put into its [laser]. Without a target over a bare floor: none lies before the guest's cameras,
+    and a plan would wait for a pose over it."""
     for p in (repository / "rigs").rglob("*.toml"):
         if p.name != "Cargo.toml":
             target = folder / p.relative_to(repository / "rigs")
@@ -58,6 +59,8 @@ def write(repository: Path, folder: Path, cameras: dict[str, dict], lasers: dict
         rig["thrusters"] = {**bench["thrusters"], "link": {**bench["thrusters"]["link"], "kind": "stamped", "port": SERIAL}}
         rig["laser"] = {**bench["laser"], **(lasers or {}).get(name, {})}
         rig["log"] = {**bench.get("log", {}), **LOG}
+        if not with_target:
+            del rig["target"]
         if "fx_px" in rig["camera"]:
             # Another image size than the bench camera's: keep the principal point in the middle.
             rig["camera"]["cx_px"] = (camera["width_px"] - 1) / 2

@@ -64,7 +64,7 @@ def profiles(log: Log, key_of_stamp: dict[int, str]) -> dict[str, Points]:
 def run(bench, report: Report) -> None:
     guest = bench.guest(timeout_s=120)
     folder = guest.overlay / "work/rigs"
-    rigs.write(bench.repository, folder, {"b-loopback": rigs.LOOPBACK})
+    rigs.write(bench.repository, folder, {"b-loopback": rigs.LOOPBACK}, with_target=True)
     plan = bench.out / "plan.toml"
     rigs.write_plan(plan, seconds=SECONDS)
     simulated = bench.out / "simulated.mcap"
