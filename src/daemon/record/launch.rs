@@ -85,7 +85,7 @@ pub(super) struct Launch {
     plan: String,
     /// The rig's start.
     start: [f64; 6],
-    /// Nobody watches: no plan begins at a place that is not measured.
+    /// Nobody watches: where poses can show the place, no plan begins without one.
     unattended: bool,
     /// Reason why no pose can show the place; `None` = one may.
     unseen: Option<&'static str>,
@@ -131,7 +131,7 @@ impl Launch {
             Stage::Looking => {}
         }
         if let Some(why) = self.unseen {
-            return self.unmeasured(why);
+            return self.from_the_rigs_start(why);
         }
         let new = look.pose.filter(|pose| {
             let age_ns = look.now_ns.saturating_sub(pose.received_ns);
@@ -232,13 +232,19 @@ impl Launch {
 
     /// Next step where the place is not known, or not what the plan does from there.
     fn unmeasured(&self, why: &str) -> Next {
-        let plan = &self.plan;
         if self.unattended {
             return Next::Refuse(format!(
-                "plan '{plan}' does not begin: {why}, and as a service nobody watches it. {}",
+                "plan '{}' does not begin: {why}, and as a service nobody watches it. {}",
+                self.plan,
                 self.way_on()
             ));
         }
+        self.from_the_rigs_start(why)
+    }
+
+    /// Begins with a warning: where no pose can show the place, a service begins its plan too, once.
+    fn from_the_rigs_start(&self, why: &str) -> Next {
+        let plan = &self.plan;
         Next::Begin {
             pose: self.start,
             severity: Severity::Warning,

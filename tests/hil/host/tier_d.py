@@ -9,7 +9,7 @@ import rigs
 from common import sound
 from report import Report
 
-SECONDS = 6.0
+SECONDS, PLAN_SECONDS = 6.0, 4.0
 PROGRAMS = ["/lib/systemd/systemd"]
 PASSWD = "root:x:0:0:root:/root:/bin/sh\nhydroline:x:990:990::/var/lib/hydroline:/bin/sh\nnobody:x:65534:65534::/:/bin/sh\n"
 GROUP = "root:x:0:\ndialout:x:20:\nvideo:x:44:\ntty:x:5:\nhydroline:x:990:\nnogroup:x:65534:\n"
@@ -39,11 +39,11 @@ def run(bench, report: Report) -> None:
     work = guest.overlay / "work"
     folder = work / "rigs"
     rigs.write(bench.repository, folder, {"d": {**rigs.VIVID_TV, "pixel_format": "GREY"}})
+    rigs.write_plan(folder / "hil-plan.toml", seconds=PLAN_SECONDS)
     guest.add(bench.repository / "src/daemon/service/hydroline.service")
     for name, text in {
         "passwd": PASSWD, "group": GROUP, "hil.conf": HIL,
-        # Without a plan: a service begins none at a place that no pose shows, and no target lies before this camera.
-        "environment": f'HYDROLINE_OPTIONS="--for {SECONDS:g}s"\n',
+        "environment": f'HYDROLINE_OPTIONS="--plan /etc/hydroline/hil-plan.toml --for {SECONDS:g}s"\n',
     }.items():
         (work / name).write_text(text)
     systemd_tar(work / "systemd.tar")
