@@ -13,6 +13,7 @@ use super::held::{self, Holder};
 use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
 use hydroline_core::frame::{Frame, GreyRule};
+use hydroline_core::plain;
 
 /// Kinds of files that an export writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -261,14 +262,11 @@ impl Row<'_> {
             None => self.cell(""),
         }
     }
-    /// RFC 4180: quoted where it must be. A log's text may come from anyone: a spreadsheet takes what begins with
-    /// `=`, `+`, `-` or `@` for a formula, so an apostrophe goes ahead of it, which spreadsheets hide.
+    /// RFC 4180: quoted where it must be. A log's text may come from anyone: it begins no formula.
     fn text(&mut self, value: &str) -> &mut Self {
         // Line breaks inside a cell are legal but break line-based tools.
-        let mut value = value.replace(['\n', '\r', '\t'], " ");
-        if value.trim_start().starts_with(['=', '+', '-', '@']) && value.parse::<f64>().is_err() {
-            value.insert(0, '\'');
-        }
+        let value = value.replace(['\n', '\r', '\t'], " ");
+        let value = plain::cell(&value);
         if value.contains([',', '"']) {
             self.cell(format_args!("\"{}\"", value.replace('"', "\"\"")))
         } else {
