@@ -256,16 +256,22 @@ impl Campaign<'_> {
             at.unwrap_or(0)
         });
         let earlier = last.map(|c| format!("runs before {}: {}", c.date, c.sentence));
+        let mut left: Vec<String> = earlier.into_iter().collect();
+        if last.is_some() && !of.undated.is_empty() {
+            left.push(format!(
+                "{} run(s) without a day, as their clock is wrong: before or since the last change, nobody knows",
+                of.undated.len()
+            ));
+        }
         let alone = Task::Day { group, day: first };
         if first > 0
             && first + 1 == of.days.len()
             && let Some(day) = needs(alone).and_then(|u| self.store.get::<SetSheet>(&u.key))
         {
             // One day since: what that day's own sheet says.
-            let left = earlier.into_iter().chain(day.left).collect();
+            left.extend(day.left);
             return Ok(SetSheet { left, ..day });
         }
-        let mut left: Vec<String> = earlier.into_iter().collect();
         let mut runs: Vec<usize> = match of.days.len() {
             0 | 1 => unit.needs.clone(),
             days => (first..days)
@@ -273,16 +279,10 @@ impl Campaign<'_> {
                 .flat_map(|u| u.needs.clone())
                 .collect(),
         };
-        if of.days.len() > 1 && !of.undated.is_empty() {
+        if of.days.len() > 1 && last.is_none() {
             // Without a change all runs are of one body, whenever they were.
             let is_undated = |k: &&usize| matches!(self.units[**k].task, Task::Run { log } if of.undated.contains(&log));
-            match last {
-                None => runs.extend(unit.needs.iter().filter(is_undated)),
-                Some(_) => left.push(format!(
-                    "{} run(s) without a day, as their clock is wrong: before or since the last change, nobody knows",
-                    of.undated.len()
-                )),
-            }
+            runs.extend(unit.needs.iter().filter(is_undated));
         }
         // A copy of a log counts once.
         let mut seen = std::collections::BTreeSet::new();
@@ -445,4 +445,88 @@ fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
         .collect();
     odd.sort_by(|a, b| b.1.total_cmp(&a.1));
     odd
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::group::groups_at;
+    use crate::sheet::Change;
+    use crate::survey::Identity;
+    use crate::unit::units;
+
+    const DAY_NS: u64 = 86_400_000_000_000;
+    /// 2026-01-01.
+    const NEW_YEAR_NS: u64 = 20_454 * DAY_NS;
+
+    fn log(name: &str, start_ns: u64) -> Found {
+        Found {
+            name: name.to_owned(),
+            path: PathBuf::from(name),
+            hash: name.to_owned(),
+            is: Ok(Identity {
+                vehicle: "rov".to_owned(),
+                rig_toml: "a rig".to_owned().into(),
+                calibration: String::new(),
+                water: "fresh".to_owned(),
+                start_ns,
+                plan: String::new(),
+                note: String::new(),
+            }),
+        }
+    }
+
+    /// The sheet of the one day since the change was taken as it was.
+    #[test]
+    fn runs_without_a_day_are_said_where_one_day_is_left_since_the_last_change() {
+        let logs = [
+            log("before.mcap", NEW_YEAR_NS),
+            log("since.mcap", NEW_YEAR_NS + DAY_NS),
+            log("never-set.mcap", 45_000_000_000),
+        ];
+        let groups = groups_at(&logs, NEW_YEAR_NS + 9 * DAY_NS);
+        let units = units(&logs, &groups, "build");
+        let unit = |task: Task| units.iter().find(|u| u.task == task).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let change = Change {
+            date: "2026-01-02".to_owned(),
+            since: vec!["2026-01-01".to_owned()],
+            same_probability: 0.01,
+            causes: Vec::new(),
+            chi2_per_dof: [9.0, 1.0],
+            sentence: "heavier".to_owned(),
+        };
+        let changes = ChangeSheet {
+            changes: vec![Ok(change)],
+        };
+        let day = SetSheet {
+            runs: vec!["since.mcap".to_owned()],
+            left: vec!["of the day".to_owned()],
+            identified: Err("not fitted here".to_owned()),
+            diagnosed: Err("not fitted here".to_owned()),
+            outliers: Vec::new(),
+        };
+        let key = |task: Task| &unit(task).key;
+        store
+            .put(key(Task::Changes { group: 0 }), &changes)
+            .unwrap();
+        store
+            .put(key(Task::Day { group: 0, day: 1 }), &day)
+            .unwrap();
+        let campaign = Campaign {
+            logs: &logs,
+            groups: &groups,
+            units: &units,
+            store: &store,
+            replay: &|_: &Path, _: &Path| Ok(()),
+        };
+        let whole = unit(Task::Group { group: 0 });
+        let sheet = campaign.group(whole, 0).unwrap();
+        assert_eq!(sheet.runs, day.runs);
+        assert_eq!(sheet.left.len(), 3, "{:?}", sheet.left);
+        assert_eq!(sheet.left[0], "runs before 2026-01-02: heavier");
+        assert!(sheet.left[1].starts_with("1 run(s) without a day"));
+        assert_eq!(sheet.left[2], "of the day");
+    }
 }
