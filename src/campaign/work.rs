@@ -12,6 +12,7 @@ use hydroline_core::run::{Channel, Run};
 use hydroline_diagnose::{Source, diagnose, read};
 use hydroline_identify::data::{LoadError, load, memory_s};
 use hydroline_identify::{Options, identify};
+use hydroline_log::AtomicFile;
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
@@ -57,6 +58,8 @@ pub enum WorkError {
     Store(#[from] StoreError),
     #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
     Needs { unit: String, needs: String },
+    #[error("{path}: is being written by another process: run `campaign` again when it has ended")]
+    BeingWritten { path: PathBuf },
     /// The rig, which was read before.
     #[error("{0}")]
     Rig(String),
@@ -145,7 +148,7 @@ impl Campaign<'_> {
         let run = match load(&path, &rig) {
             Err(LoadError::NoMotion { frames, .. }) if frames > 0 => {
                 path = self.store.poses_path(&unit.key);
-                match self.poses(&found.path, &path) {
+                match self.poses(&found.path, &path)? {
                     Ok(()) => {
                         sheet.replayed = true;
                         load(&path, &rig).map_err(|e| e.to_string())
@@ -178,17 +181,22 @@ impl Campaign<'_> {
         Ok(sheet)
     }
 
-    /// Poses of a log, whole or not at all; those that are there stay.
-    fn poses(&self, log: &Path, out: &Path) -> Result<(), String> {
+    /// Poses of a log, or the reason for its sheet why there are none; those that are there stay.
+    fn poses(&self, log: &Path, out: &Path) -> Result<Result<(), String>, WorkError> {
         if out.exists() {
-            return Ok(());
+            return Ok(Ok(()));
         }
-        let part = out.with_extension(format!("{}.part", std::process::id()));
-        if part.exists() {
-            std::fs::remove_file(&part).map_err(|e| format!("{}: {e}", part.display()))?;
+        let made = (self.replay)(log, out);
+        let is_begun = AtomicFile::is_begun(out);
+        match made {
+            // Another process of this campaign was sooner.
+            Err(_) if out.exists() => Ok(Ok(())),
+            // No fault of the log, which a sheet would keep.
+            Err(_) if is_begun => Err(WorkError::BeingWritten {
+                path: out.to_owned(),
+            }),
+            made => Ok(made),
         }
-        (self.replay)(log, &part)?;
-        std::fs::rename(&part, out).map_err(|e| format!("{}: {e}", out.display()))
     }
 
     /// Where a run's motion stands, or why it is not used beside others.
@@ -528,5 +536,51 @@ mod tests {
         assert_eq!(sheet.left[0], "runs before 2026-01-02: heavier");
         assert!(sheet.left[1].starts_with("1 run(s) without a day"));
         assert_eq!(sheet.left[2], "of the day");
+    }
+
+    /// Whether the replay gives poses, for the sheet; an error is of the unit.
+    fn poses(out: &Path, is_finished: bool) -> Result<Result<(), String>, WorkError> {
+        let folder = tempfile::tempdir().unwrap();
+        let replay = |_: &Path, out: &Path| {
+            let file = AtomicFile::begin(out).map_err(|e| e.to_string())?;
+            match is_finished {
+                true => file.finish().map_err(|e| e.to_string()),
+                false => Err("no image in it".to_owned()),
+            }
+        };
+        let campaign = Campaign {
+            logs: &[],
+            groups: &[],
+            units: &[],
+            store: &Store::open(folder.path()).unwrap(),
+            replay: &replay,
+        };
+        campaign.poses(Path::new("run.mcap"), out)
+    }
+
+    /// A kill left `KEY.PID.part.part`, which no later campaign cleared.
+    #[test]
+    fn poses_that_a_killed_campaign_left_unfinished_are_made_in_their_place() {
+        let dir = tempfile::tempdir().unwrap();
+        let (out, part) = (dir.path().join("k.mcap"), dir.path().join("k.mcap.part"));
+        std::fs::write(&part, "half").unwrap();
+        assert_eq!(poses(&out, true).unwrap(), Ok(()));
+        assert!(out.exists() && !part.exists());
+        // Those that are there stay.
+        assert_eq!(poses(&out, false).unwrap(), Ok(()));
+    }
+
+    #[test]
+    fn poses_that_another_process_writes_are_no_fault_of_their_log() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("k.mcap");
+        let other = AtomicFile::begin(&out).unwrap();
+        let busy = poses(&out, true).unwrap_err();
+        assert!(matches!(busy, WorkError::BeingWritten { .. }), "{busy}");
+        drop(other);
+        assert_eq!(
+            poses(&out, false).unwrap(),
+            Err("no image in it".to_owned())
+        );
     }
 }

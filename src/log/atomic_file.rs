@@ -2,7 +2,7 @@
 //! one.
 
 use super::LogError;
-use super::held::{Holder, hold, is_at};
+use super::held::{Holder, hold, is_at, is_held};
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
@@ -46,9 +46,7 @@ impl AtomicFile {
     }
 
     fn beside(whole: &Path, replaces: bool) -> Result<Self, LogError> {
-        let mut part = whole.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
+        let part = part_path(whole);
         let (file, left_bytes) = taken(&part)?;
         if left_bytes > 0 {
             tracing::warn!(
@@ -63,6 +61,11 @@ impl AtomicFile {
             replaces,
             done: false,
         })
+    }
+
+    /// Whether somebody else is about to make the file `whole`.
+    pub fn is_begun(whole: &Path) -> bool {
+        is_held(&part_path(whole))
     }
 
     /// Path to write to until the file is whole.
@@ -99,6 +102,13 @@ impl AtomicFile {
         }
         Ok(())
     }
+}
+
+/// Name of a file until it is whole.
+fn part_path(whole: &Path) -> PathBuf {
+    let mut part = whole.as_os_str().to_owned();
+    part.push(".part");
+    PathBuf::from(part)
 }
 
 /// The file of that name, new or left by somebody who does not hold it any more, locked and empty; how many bytes were left.

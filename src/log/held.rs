@@ -44,6 +44,11 @@ fn open_left(path: &Path) -> io::Result<File> {
         .open(path)
 }
 
+/// Whether somebody else writes the file of that name.
+pub fn is_held(path: &Path) -> bool {
+    open_left(path).is_ok_and(|file| hold(&file) == Holder::Another)
+}
+
 /// Removes a file that nobody holds; whether it did. Anything but a file stays, and so does one of which it is not known.
 pub fn remove_unheld(path: &Path) -> bool {
     let Ok(file) = open_left(path) else {
