@@ -111,7 +111,7 @@ impl AtomicFile {
 
 /// Renames to a name that nobody has, in one step: a file that another program makes in that moment stays. Where the file system
 /// knows neither such a rename nor a second name of a file, it looks first.
-fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+pub(super) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     let Err(refused) = TempPath::try_from_path(from)?.persist_noclobber(to) else {
         return Ok(());
     };
