@@ -1,5 +1,6 @@
 //! Sheets on disk: one file per unit, named by its key; and content hashes of files that have not changed since.
 
+use hydroline_log::held;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -210,13 +211,7 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> std::io::Result<()>,
 ) -> Result<(), StoreError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut part = tempfile::Builder::new()
-        .prefix(".campaign-")
-        // As any new file: what the umask leaves.
-        .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666))
-        .tempfile_in(folder)
-        .map_err(file(path))?;
+    let mut part = held::part_in(held::folder_of(path)).map_err(file(path))?;
     let mut out = BufWriter::new(part.as_file_mut());
     write(&mut out)
         .and_then(|()| out.flush())
@@ -254,6 +249,23 @@ mod tests {
         assert_eq!(again.hash(&log).unwrap(), first);
         std::fs::write(&log, "another").unwrap();
         assert_ne!(again.hash(&log).unwrap(), first);
+    }
+
+    /// They stayed for ever: only what holds no lock is known to be nobody's.
+    #[test]
+    fn sheets_that_a_killed_campaign_left_unfinished_are_cleared() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        std::fs::write(at(".hydroline-a1b2c3.part"), "half").unwrap();
+        write_whole(&at("k.json"), |out| {
+            let entries = std::fs::read_dir(dir.path())?.flatten();
+            let held: Vec<bool> = entries.map(|e| held::is_held(&e.path())).collect();
+            assert_eq!(held, [true], "its own alone");
+            out.write_all(b"[]")
+        })
+        .unwrap();
+        assert!(at("k.json").exists());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::store::{StoreError, file, write_whole};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
 use crate::work::Campaign;
+use hydroline_core::plain;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -356,19 +357,12 @@ pub fn word(row: &Row, column: &str) -> String {
     }
 }
 
-/// The same for a spreadsheet, which takes text that begins with `=`, `+`, `-` or `@` for a formula and runs it: plans, notes and
-/// names of logs come from anyone. An apostrophe goes ahead of it, which spreadsheets hide, as in exported tables.
+/// The same for a spreadsheet: plans, notes and names of logs come from anyone, and begin no formula, as in exported tables.
 fn cell(row: &Row, column: &str) -> String {
-    let mut text = word(row, column);
-    let is_text = matches!(row.get(column), Some(Value::String(_)));
-    // Spreadsheets take the wide forms of these signs for the signs, and look behind blanks.
-    let begins = text
-        .trim_start()
-        .starts_with(['=', '+', '-', '@', '＝', '＋', '－', '＠']);
-    if is_text && begins && text.parse::<f64>().is_err() {
-        text.insert(0, '\'');
+    match row.get(column) {
+        Some(Value::String(words)) => plain::cell(words).into_owned(),
+        _ => word(row, column),
     }
-    text
 }
 
 /// Columns that are there: the fixed ones in their order, then the others by name.

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Versions of what a unit finds: a new number where the same build would find something else than before.
 const RUN: &str = "run/3";
-const SET: &str = "set/3";
+const SET: &str = "set/4";
 const CHANGES: &str = "changes/6";
 
 /// Kind of work, and the log or the group that it is for.

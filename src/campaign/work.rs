@@ -12,6 +12,7 @@ use hydroline_core::run::{Channel, Run};
 use hydroline_diagnose::{Source, diagnose, read};
 use hydroline_identify::data::{LoadError, load, memory_s};
 use hydroline_identify::{Options, identify};
+use hydroline_log::AtomicFile;
 use hydroline_log::doctor::{Grade, doctor};
 use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
@@ -57,6 +58,8 @@ pub enum WorkError {
     Store(#[from] StoreError),
     #[error("{unit} needs the sheet of {needs} first: run `campaign --only {needs}`")]
     Needs { unit: String, needs: String },
+    #[error("{path}: is being written by another process: run `campaign` again when it has ended")]
+    BeingWritten { path: PathBuf },
     /// The rig, which was read before.
     #[error("{0}")]
     Rig(String),
@@ -145,7 +148,7 @@ impl Campaign<'_> {
         let run = match load(&path, &rig) {
             Err(LoadError::NoMotion { frames, .. }) if frames > 0 => {
                 path = self.store.poses_path(&unit.key);
-                match self.poses(&found.path, &path) {
+                match self.poses(&found.path, &path)? {
                     Ok(()) => {
                         sheet.replayed = true;
                         load(&path, &rig).map_err(|e| e.to_string())
@@ -178,17 +181,22 @@ impl Campaign<'_> {
         Ok(sheet)
     }
 
-    /// Poses of a log, whole or not at all; those that are there stay.
-    fn poses(&self, log: &Path, out: &Path) -> Result<(), String> {
+    /// Poses of a log, or the reason for its sheet why there are none; those that are there stay.
+    fn poses(&self, log: &Path, out: &Path) -> Result<Result<(), String>, WorkError> {
         if out.exists() {
-            return Ok(());
+            return Ok(Ok(()));
         }
-        let part = out.with_extension(format!("{}.part", std::process::id()));
-        if part.exists() {
-            std::fs::remove_file(&part).map_err(|e| format!("{}: {e}", part.display()))?;
+        let made = (self.replay)(log, out);
+        let is_begun = AtomicFile::is_begun(out);
+        match made {
+            // Another process of this campaign was sooner.
+            Err(_) if out.exists() => Ok(Ok(())),
+            // No fault of the log, which a sheet would keep.
+            Err(_) if is_begun => Err(WorkError::BeingWritten {
+                path: out.to_owned(),
+            }),
+            made => Ok(made),
         }
-        (self.replay)(log, &part)?;
-        std::fs::rename(&part, out).map_err(|e| format!("{}: {e}", out.display()))
     }
 
     /// Where a run's motion stands, or why it is not used beside others.
@@ -256,16 +264,22 @@ impl Campaign<'_> {
             at.unwrap_or(0)
         });
         let earlier = last.map(|c| format!("runs before {}: {}", c.date, c.sentence));
+        let mut left: Vec<String> = earlier.into_iter().collect();
+        if last.is_some() && !of.undated.is_empty() {
+            left.push(format!(
+                "{} run(s) without a day, as their clock is wrong: before or since the last change, nobody knows",
+                of.undated.len()
+            ));
+        }
         let alone = Task::Day { group, day: first };
         if first > 0
             && first + 1 == of.days.len()
             && let Some(day) = needs(alone).and_then(|u| self.store.get::<SetSheet>(&u.key))
         {
             // One day since: what that day's own sheet says.
-            let left = earlier.into_iter().chain(day.left).collect();
+            left.extend(day.left);
             return Ok(SetSheet { left, ..day });
         }
-        let mut left: Vec<String> = earlier.into_iter().collect();
         let mut runs: Vec<usize> = match of.days.len() {
             0 | 1 => unit.needs.clone(),
             days => (first..days)
@@ -273,16 +287,10 @@ impl Campaign<'_> {
                 .flat_map(|u| u.needs.clone())
                 .collect(),
         };
-        if of.days.len() > 1 && !of.undated.is_empty() {
+        if of.days.len() > 1 && last.is_none() {
             // Without a change all runs are of one body, whenever they were.
             let is_undated = |k: &&usize| matches!(self.units[**k].task, Task::Run { log } if of.undated.contains(&log));
-            match last {
-                None => runs.extend(unit.needs.iter().filter(is_undated)),
-                Some(_) => left.push(format!(
-                    "{} run(s) without a day, as their clock is wrong: before or since the last change, nobody knows",
-                    of.undated.len()
-                )),
-            }
+            runs.extend(unit.needs.iter().filter(is_undated));
         }
         // A copy of a log counts once.
         let mut seen = std::collections::BTreeSet::new();
@@ -445,4 +453,134 @@ fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
         .collect();
     odd.sort_by(|a, b| b.1.total_cmp(&a.1));
     odd
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::group::groups_at;
+    use crate::sheet::Change;
+    use crate::survey::Identity;
+    use crate::unit::units;
+
+    const DAY_NS: u64 = 86_400_000_000_000;
+    /// 2026-01-01.
+    const NEW_YEAR_NS: u64 = 20_454 * DAY_NS;
+
+    fn log(name: &str, start_ns: u64) -> Found {
+        Found {
+            name: name.to_owned(),
+            path: PathBuf::from(name),
+            hash: name.to_owned(),
+            is: Ok(Identity {
+                vehicle: "rov".to_owned(),
+                rig_toml: "a rig".to_owned().into(),
+                calibration: String::new(),
+                water: "fresh".to_owned(),
+                start_ns,
+                plan: String::new(),
+                note: String::new(),
+            }),
+        }
+    }
+
+    /// The sheet of the one day since the change was taken as it was.
+    #[test]
+    fn runs_without_a_day_are_said_where_one_day_is_left_since_the_last_change() {
+        let logs = [
+            log("before.mcap", NEW_YEAR_NS),
+            log("since.mcap", NEW_YEAR_NS + DAY_NS),
+            log("never-set.mcap", 45_000_000_000),
+        ];
+        let groups = groups_at(&logs, NEW_YEAR_NS + 9 * DAY_NS);
+        let units = units(&logs, &groups, "build");
+        let unit = |task: Task| units.iter().find(|u| u.task == task).unwrap();
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let change = Change {
+            date: "2026-01-02".to_owned(),
+            since: vec!["2026-01-01".to_owned()],
+            same_probability: 0.01,
+            causes: Vec::new(),
+            chi2_per_dof: [9.0, 1.0],
+            sentence: "heavier".to_owned(),
+        };
+        let changes = ChangeSheet {
+            changes: vec![Ok(change)],
+        };
+        let day = SetSheet {
+            runs: vec!["since.mcap".to_owned()],
+            left: vec!["of the day".to_owned()],
+            identified: Err("not fitted here".to_owned()),
+            diagnosed: Err("not fitted here".to_owned()),
+            outliers: Vec::new(),
+        };
+        let key = |task: Task| &unit(task).key;
+        store
+            .put(key(Task::Changes { group: 0 }), &changes)
+            .unwrap();
+        store
+            .put(key(Task::Day { group: 0, day: 1 }), &day)
+            .unwrap();
+        let campaign = Campaign {
+            logs: &logs,
+            groups: &groups,
+            units: &units,
+            store: &store,
+            replay: &|_: &Path, _: &Path| Ok(()),
+        };
+        let whole = unit(Task::Group { group: 0 });
+        let sheet = campaign.group(whole, 0).unwrap();
+        assert_eq!(sheet.runs, day.runs);
+        assert_eq!(sheet.left.len(), 3, "{:?}", sheet.left);
+        assert_eq!(sheet.left[0], "runs before 2026-01-02: heavier");
+        assert!(sheet.left[1].starts_with("1 run(s) without a day"));
+        assert_eq!(sheet.left[2], "of the day");
+    }
+
+    /// Whether the replay gives poses, for the sheet; an error is of the unit.
+    fn poses(out: &Path, is_finished: bool) -> Result<Result<(), String>, WorkError> {
+        let folder = tempfile::tempdir().unwrap();
+        let replay = |_: &Path, out: &Path| {
+            let file = AtomicFile::begin(out).map_err(|e| e.to_string())?;
+            match is_finished {
+                true => file.finish().map_err(|e| e.to_string()),
+                false => Err("no image in it".to_owned()),
+            }
+        };
+        let campaign = Campaign {
+            logs: &[],
+            groups: &[],
+            units: &[],
+            store: &Store::open(folder.path()).unwrap(),
+            replay: &replay,
+        };
+        campaign.poses(Path::new("run.mcap"), out)
+    }
+
+    /// A kill left `KEY.PID.part.part`, which no later campaign cleared.
+    #[test]
+    fn poses_that_a_killed_campaign_left_unfinished_are_made_in_their_place() {
+        let dir = tempfile::tempdir().unwrap();
+        let (out, part) = (dir.path().join("k.mcap"), dir.path().join("k.mcap.part"));
+        std::fs::write(&part, "half").unwrap();
+        assert_eq!(poses(&out, true).unwrap(), Ok(()));
+        assert!(out.exists() && !part.exists());
+        // Those that are there stay.
+        assert_eq!(poses(&out, false).unwrap(), Ok(()));
+    }
+
+    #[test]
+    fn poses_that_another_process_writes_are_no_fault_of_their_log() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("k.mcap");
+        let other = AtomicFile::begin(&out).unwrap();
+        let busy = poses(&out, true).unwrap_err();
+        assert!(matches!(busy, WorkError::BeingWritten { .. }), "{busy}");
+        drop(other);
+        assert_eq!(
+            poses(&out, false).unwrap(),
+            Err("no image in it".to_owned())
+        );
+    }
 }

@@ -5,7 +5,7 @@ use super::output::Output;
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress};
 use hydroline_identify::merged::Merged;
-use hydroline_log::export::{ExportOptions, Exported, export, is_unfinished, take_back};
+use hydroline_log::export::{ExportOptions, Exported, export, is_unfinished};
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,8 @@ frame faults); an empty cell is \"not known\".
 A folder stands for all logs in it and below it. Of several logs --out is the folder in which each gets a folder (a table with \
 --merged) by its own name; a log that cannot be exported is reported, and the others are done. --update makes it a command to \
 repeat: what is there and no older than its log is left.
+
+The same command again goes on with an export that was killed, and says how many images were there.
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or the files could not be written; 2 no such \
 file, no log, or the folder holds files already; 3 done, but of some frames there is no image, \
@@ -131,12 +133,9 @@ fn made(args: &Args, log: &Path, place: &Path, rig: Option<&Rig>) -> Result<Made
         tables: !args.frames_only,
         frames: !args.tables_only,
     };
-    if args.update && place.is_dir() {
-        // An export that was broken off is made anew.
-        take_back(place)?;
-        if is_done(place, log) {
-            return Ok(Made::UpToDate);
-        }
+    // An export that was broken off goes on.
+    if args.update && !is_unfinished(place) && is_done(place, log) {
+        return Ok(Made::UpToDate);
     }
     vacant(args, log, place)?;
     Ok(Made::Files(export(log, place, options)?))
@@ -236,9 +235,13 @@ fn report(
             }
             if !args.tables_only {
                 outln!(
-                    "{}: {} frames as PNG, {} without an image, {} of them not marked as faulty",
+                    "{}: {} frames as PNG{}, {} without an image, {} of them not marked as faulty",
                     place.display(),
                     exported.frames,
+                    match exported.frames_resumed {
+                        0 => String::new(),
+                        n => format!(" ({n} of them made before the export was broken off)"),
+                    },
                     exported.frames_skipped,
                     exported.frames_undecodable
                 );

@@ -4,17 +4,12 @@
 //! never has the final name. What is there already stays unless `--force` is given; a symbolic link is then replaced
 //! itself, the file that it leads to is not touched.
 
-use super::print::errln;
 use super::{CliError, inputs};
-use hydroline_core::lock::Lock;
-use hydroline_log::held::{self, Holder};
+use hydroline_log::held;
 use image::{DynamicImage, ImageFormat};
-use std::collections::BTreeSet;
-use std::fs::{File, Permissions};
+use std::fs::File;
 use std::io::{Cursor, Write};
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::Path;
 
 /// Treatment of result files that are there already.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
@@ -80,12 +75,8 @@ impl Output {
     }
 
     fn whole(self, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-        let folder = match path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        };
-        clear_once(folder);
-        let mut part = held_part(folder)?;
+        let folder = held::folder_of(path);
+        let mut part = held::part_in(folder)?;
         part.write_all(bytes)?;
         part.as_file().sync_all()?;
         if self.force {
@@ -98,72 +89,19 @@ impl Output {
     }
 }
 
-/// Beginning and end of the names of files that are written, whatever the result's: that may be as long as a name can be.
-const PART: (&str, &str) = (".hydroline-", ".part");
-
-/// A new file whose lock is held until it has its name: what holds none was left by a process that was killed.
-fn held_part(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    /// In the moment between making and locking it, somebody may take it for such a file.
-    const ATTEMPTS: usize = 16;
-    let mut builder = tempfile::Builder::new();
-    // As any new file: what the umask leaves.
-    let rights = Permissions::from_mode(0o666);
-    builder.prefix(PART.0).suffix(PART.1).permissions(rights);
-    let mut part = builder.tempfile_in(folder)?;
-    for _ in 0..ATTEMPTS {
-        let holder = held::hold(part.as_file());
-        if holder != Holder::Another && held::is_at(part.as_file(), part.path()) {
-            break;
-        }
-        part = builder.tempfile_in(folder)?;
-    }
-    Ok(part)
-}
-
-/// Removes what killed processes left in a folder, at the first result that goes into it.
-fn clear_once(folder: &Path) {
-    static CLEARED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-    if !CLEARED.held().insert(folder.to_owned()) {
-        return;
-    }
-    for path in left_in(folder) {
-        if held::remove_unheld(&path) {
-            errln!(
-                "hydroline: {}: removed: a command that was broken off left it, and nobody writes it any more",
-                path.display()
-            );
-        }
-    }
-}
-
-fn left_in(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    entries
-        .filter(|entry| {
-            let name = entry.file_name();
-            let name = name.to_string_lossy();
-            name.starts_with(PART.0) && name.ends_with(PART.1)
-        })
-        .map(|entry| entry.path())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
 
     #[test]
-    fn results_that_killed_commands_left_are_cleared_and_those_that_are_written_are_not() {
+    fn results_that_killed_commands_left_are_cleared() {
         let dir = tempfile::tempdir().unwrap();
-        let at = |name: &str| dir.path().join(name);
-        for name in [".hydroline-a1b2c3.part", ".hydroline-notes", "run.part"] {
-            std::fs::write(at(name), "half").unwrap();
-        }
-        let held = held_part(dir.path()).unwrap();
-        Output::default().write(&at("new.toml"), "new").unwrap();
-        assert!(!at(".hydroline-a1b2c3.part").exists(), "left by nobody");
-        assert!(held.path().exists(), "written by somebody");
-        assert!(at(".hydroline-notes").exists() && at("run.part").exists());
+        let left = dir.path().join(".hydroline-a1b2c3.part");
+        std::fs::write(&left, "half").unwrap();
+        let new = dir.path().join("new.toml");
+        Output::default().write(&new, "new").unwrap();
+        assert!(new.exists() && !left.exists());
     }
 
     #[test]

@@ -10,6 +10,7 @@ use hydroline_core::clock::{Clock, SystemClock};
 use hydroline_core::session::Conditions;
 use hydroline_daemon::calibrate::medium;
 use hydroline_daemon::remembered::{Remembered, Wanted, camera, file_name, latest};
+use hydroline_log::held;
 use hydroline_rigs::Rig;
 use std::ffi::OsString;
 use std::io::Write;
@@ -104,7 +105,7 @@ impl Memory {
         let path = folder.join(file_name(camera, calibration));
         let write = || -> std::io::Result<()> {
             std::fs::create_dir_all(folder)?;
-            let mut part = tempfile::NamedTempFile::new_in(folder)?;
+            let mut part = held::part_in(folder)?;
             part.write_all(text.as_bytes())?;
             part.as_file().sync_all()?;
             part.persist(&path)?;

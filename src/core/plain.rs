@@ -1,7 +1,8 @@
 //! Words of others on a terminal: nothing in them moves the cursor, sets a colour or title, or hides what stands there.
 //!
 //! A log, a table or a file name may hold any character. What a terminal would act on instead of showing it is written
-//! as JSON writes it (`\u001b`), so that the same text is also sound inside of a JSON string.
+//! as JSON writes it (`\u001b`), so that the same text is also sound inside of a JSON string. In the cell of a table nothing
+//! begins a formula ([`cell`]).
 
 use std::borrow::Cow;
 use std::fmt::{self, Write};
@@ -37,6 +38,20 @@ pub fn text(text: &str) -> Cow<'_, str> {
 /// A name, value or message that came from outside, inside of one line of ours: it cannot begin a line of its own.
 pub fn word(word: &str) -> Cow<'_, str> {
     escaped(word, |_| false)
+}
+
+/// Signs with which a formula begins. Spreadsheets take the wide forms of these signs for the signs.
+const FORMULA: [char; 8] = ['=', '+', '-', '@', '＝', '＋', '－', '＠'];
+
+/// A text for the cell of a table. A spreadsheet takes one that begins with `=`, `+`, `-` or `@` for a formula and runs it, so
+/// an apostrophe goes ahead of it, which spreadsheets hide; numbers stay as they are.
+pub fn cell(text: &str) -> Cow<'_, str> {
+    // Spreadsheets look behind blanks.
+    if text.trim_start().starts_with(FORMULA) && text.parse::<f64>().is_err() {
+        Cow::Owned(format!("'{text}"))
+    } else {
+        Cow::Borrowed(text)
+    }
 }
 
 /// A formatter on which each `writeln!` is one line, as of [`line`].
@@ -77,6 +92,27 @@ mod tests {
         assert_eq!(text("log\u{202e}pacm."), "log\\u202epacm.");
         assert_eq!(word("x\nsound"), "x\\u000asound");
         assert!(matches!(text("plain"), Cow::Borrowed(_)));
+    }
+
+    #[test]
+    fn no_cell_begins_as_a_formula() {
+        for formula in [
+            "=HYPERLINK(\"http://evil.example\")",
+            "+1+cmd|' /C calc'!A0",
+            "-2+3",
+            "@SUM(A1)",
+            "\t=1+1",
+            "\r\n=1+1",
+            "＝HYPERLINK(1)",
+            "＋1",
+            "－1",
+            " ＠SUM(A1)",
+        ] {
+            assert_eq!(cell(formula), format!("'{formula}"));
+        }
+        for own in ["still water", "a=b", "-0.5", "+4e-3", "'=1", ""] {
+            assert!(matches!(cell(own), Cow::Borrowed(same) if same == own));
+        }
     }
 
     proptest! {

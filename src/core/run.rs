@@ -13,6 +13,7 @@ pub use companion::{COMPANIONS, Companions};
 pub use hydroline_rigs::channel::{Channel, PerChannel};
 pub use joined::Joined;
 pub use rest_noise::RestNoise;
+pub use stretches::longest_step_s;
 
 /// A body wrench in force from `t_s` until the next command.
 #[derive(Debug, Clone, Copy, PartialEq)]

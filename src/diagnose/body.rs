@@ -31,6 +31,7 @@ use found::Judged;
 use giving::Asking;
 use hydroline_core::run::{Channel, Run};
 use hydroline_identify::data::{is_still, memory_s};
+use hydroline_identify::stretched;
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::posterior::Posterior;
@@ -80,6 +81,9 @@ pub fn diagnose(
     };
     dofs.retain(|d| !asked.contains(d));
     if dofs.is_empty() {
+        // Samples may be too far apart to show any motion.
+        let own: Vec<Run> = sources.iter().map(|s| s.run.clone()).collect();
+        stretched(&own, rig)?;
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
     let asking = Asking {
@@ -176,4 +180,44 @@ fn digest(run: &Run) -> u64 {
     bits.fold(0xcbf2_9ce4_8422_2325, |h, b| {
         (h ^ b).wrapping_mul(0x0100_0000_01b3)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroline_core::run::{Command, PerChannel, Sample};
+    use hydroline_identify::IdentifyError;
+
+    /// It said that no DOF moves, where `identify` said why.
+    #[test]
+    fn samples_that_are_all_far_apart_are_refused_with_the_reason() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let sample = |k: u32| Sample {
+            t_s: 86_400.0 * f64::from(k),
+            values: PerChannel::from_fn(|c| {
+                if c == Channel::X {
+                    0.1 * f64::from(k)
+                } else {
+                    f64::NAN
+                }
+            }),
+            covariance: None,
+        };
+        let run = Run {
+            name: "run".to_owned(),
+            commands: vec![Command {
+                t_s: 0.5,
+                wrench: [8.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            }],
+            samples: (0..40).map(sample).collect(),
+            ..Run::default()
+        };
+        let source = Source {
+            run,
+            ..Source::default()
+        };
+        let error = diagnose(&[source], &[], &rig, &Beside::default(), &|_| ()).unwrap_err();
+        let reason = matches!(error, DiagnoseError::Runs(IdentifyError::TooSparse { .. }));
+        assert!(reason, "{error}");
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use hydroline_identify::IdentifyError;
 use hydroline_report::Body;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
@@ -18,6 +19,9 @@ pub enum DiagnoseError {
         "no DOF moves in these {0} log(s): nothing to diagnose; give runs with commands, or a decay"
     )]
     NothingMoves(usize),
+    /// Runs that show no motion of any DOF.
+    #[error(transparent)]
+    Runs(#[from] IdentifyError),
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]

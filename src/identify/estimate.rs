@@ -20,7 +20,7 @@ use super::method::{Method, MethodError};
 use super::outcome::Identification;
 use super::parameter::Coefficient;
 use super::problem::{Objective, median_logged_sd};
-use hydroline_core::run::{Channel, Run};
+use hydroline_core::run::{Channel, Run, longest_step_s};
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::effect::EffectError;
 
@@ -84,9 +84,9 @@ pub enum IdentifyError {
     #[error("no run given")]
     NoRun,
     #[error(
-        "{logs} log(s): no four samples in a row are less than {memory_s:.0} s apart, the time that the vehicle remembers, so that its motion says nothing of it: are the stamps of the import right ([time] unit)?"
+        "{logs} log(s): no four samples in a row are less than {apart_s:.0} s apart, the time constant of the vehicle's slowest motion, so that they do not show how it moves: are the stamps of the import right ([time] unit)?"
     )]
-    TooSparse { logs: usize, memory_s: f64 },
+    TooSparse { logs: usize, apart_s: f64 },
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]
@@ -95,17 +95,17 @@ pub enum IdentifyError {
     Forward(#[from] ForwardError),
 }
 
-/// Runs cut at gaps that are longer than the rig's vehicle remembers.
+/// Runs cut at gaps that are longer than the rig's vehicle remembers, without samples that are too far apart to show motion.
 ///
 /// # Errors
 /// [`IdentifyError::TooSparse`] where nothing is left.
-pub(super) fn stretched(runs: &[Run], rig: &Rig) -> Result<Vec<Run>, IdentifyError> {
+pub fn stretched(runs: &[Run], rig: &Rig) -> Result<Vec<Run>, IdentifyError> {
     let memory_s = memory_s(&rig.vehicle);
     let all: Vec<Run> = runs.iter().flat_map(|r| r.stretches(memory_s)).collect();
     match all.is_empty() && !runs.is_empty() {
         true => Err(IdentifyError::TooSparse {
             logs: runs.len(),
-            memory_s,
+            apart_s: longest_step_s(memory_s),
         }),
         false => Ok(all),
     }
@@ -362,13 +362,15 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_are_all_days_apart_are_refused_with_the_reason() {
+    fn samples_that_are_all_far_apart_are_refused_with_the_reason() {
         let rig = Rig::builtin("lshpi").unwrap();
-        let mut run = reversals(&rig, 0.0);
-        run.samples
-            .iter_mut()
-            .for_each(|s| s.t_s *= 86_400.0 / 0.04);
-        let error = identify(&[run], &rig, &Options::default()).unwrap_err();
-        assert!(matches!(error, IdentifyError::TooSparse { .. }), "{error}");
+        for apart_s in [15.0, 50.0, 86_400.0] {
+            let mut run = reversals(&rig, 0.0);
+            let samples = run.samples.iter_mut();
+            samples.for_each(|s| s.t_s *= apart_s / 0.04);
+            let error = identify(&[run], &rig, &Options::default()).unwrap_err();
+            assert!(matches!(error, IdentifyError::TooSparse { .. }), "{error}");
+            assert!(error.to_string().contains("less than 14 s"), "{error}");
+        }
     }
 }

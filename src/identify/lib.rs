@@ -52,7 +52,7 @@ mod refit;
 pub mod report;
 pub mod uncertainty;
 
-pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels};
+pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels, stretched};
 pub use outcome::{
     CrossValidation, Estimate, Identification, NotIdentifiable, Residuals, RunSummary, SlotNoise,
     Trace,

@@ -289,11 +289,7 @@ fn display(value: impl Display) -> String {
 /// A text of a log as a cell: no separator, no line end, no formula.
 fn plain(text: &str) -> String {
     let own = text.replace([',', '"', '\n', '\r'], " ");
-    if own.starts_with(['=', '+', '-', '@']) {
-        format!("'{own}")
-    } else {
-        own
-    }
+    hydroline_core::plain::cell(&own).into_owned()
 }
 
 #[cfg(test)]

@@ -71,7 +71,7 @@ pub struct Asked<'a> {
 /// page that was ever saved to a disk comes under that name.
 const VIEWERS: [&str; 1] = ["https://app.foxglove.dev"];
 
-/// The header in which the page sends its session's key with STOP.
+/// The header in which the page sends its session's key with every request.
 pub const SESSION_HEADER: &str = "x-hydroline-session";
 
 /// Target of a request.

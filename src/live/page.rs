@@ -42,6 +42,7 @@ pub fn page(guard: &Guard) -> io::Result<Page> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::guard::SESSION_HEADER;
     use super::super::token::Token;
     use super::*;
 
@@ -94,6 +95,20 @@ mod tests {
             !PLOT
                 .replace("https://github.com/leeoniya/uPlot", "")
                 .contains("http")
+        );
+    }
+
+    /// Polls without it counted as guesses: while somebody else at the same address guessed, the page stood still.
+    #[test]
+    fn every_request_of_the_page_has_the_key_of_its_session() {
+        let mut lines = SCRIPT.lines().map(str::trim);
+        let headers = lines.find(|l| l.starts_with("const headers = ")).unwrap();
+        assert!(headers.to_ascii_lowercase().contains(SESSION_HEADER));
+        let fetches: Vec<&str> = lines.filter(|l| l.contains("fetch(")).collect();
+        assert!(fetches.len() >= 2, "{fetches:?}");
+        assert!(
+            fetches.iter().all(|l| l.contains(" headers, ")),
+            "{fetches:?}"
         );
     }
 

@@ -2,10 +2,12 @@
 //! one.
 
 use super::LogError;
-use super::held::{Holder, hold, is_at};
+use super::held::{Holder, folder_of, hold, is_at, is_held};
 use std::fs::{File, OpenOptions};
-use std::os::unix::fs::OpenOptionsExt;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use tempfile::TempPath;
 
 /// Times that the name is tried again when somebody finished or removed the file in the moment in which it was opened.
 const ATTEMPTS: u32 = 16;
@@ -46,9 +48,7 @@ impl AtomicFile {
     }
 
     fn beside(whole: &Path, replaces: bool) -> Result<Self, LogError> {
-        let mut part = whole.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
+        let part = part_path(whole);
         let (file, left_bytes) = taken(&part)?;
         if left_bytes > 0 {
             tracing::warn!(
@@ -63,6 +63,11 @@ impl AtomicFile {
             replaces,
             done: false,
         })
+    }
+
+    /// Whether somebody else is about to make the file `whole`.
+    pub fn is_begun(whole: &Path) -> bool {
+        is_held(&part_path(whole))
     }
 
     /// Path to write to until the file is whole.
@@ -83,22 +88,52 @@ impl AtomicFile {
     /// # Errors
     /// [`LogError::OutputExists`] when someone else has made a file of that name meanwhile; [`LogError::Output`].
     pub fn finish(mut self) -> Result<(), LogError> {
-        if !self.replaces && self.whole.symlink_metadata().is_ok() {
-            return Err(LogError::OutputExists {
-                path: self.whole.clone(),
-            });
-        }
         let failed = LogError::output(&self.whole);
         self.file.sync_all().map_err(&failed)?;
-        std::fs::rename(&self.part, &self.whole).map_err(&failed)?;
+        let named = match self.replaces {
+            true => std::fs::rename(&self.part, &self.whole),
+            false => rename_new(&self.part, &self.whole),
+        };
+        named.map_err(|e| match e.kind() {
+            ErrorKind::AlreadyExists => LogError::OutputExists {
+                path: self.whole.clone(),
+            },
+            _ => failed(e),
+        })?;
         self.done = true;
         // The name is on the disk when its folder is. Some file systems sync no folder: the file is whole all the same.
-        let folder = self.whole.parent().filter(|p| !p.as_os_str().is_empty());
-        if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
+        if let Ok(folder) = File::open(folder_of(&self.whole)) {
             folder.sync_all().ok();
         }
         Ok(())
     }
+}
+
+/// Renames to a name that nobody has, in one step: a file that another program makes in that moment stays. Where the file system
+/// knows neither such a rename nor a second name of a file, it looks first.
+pub(super) fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
+    let Err(refused) = TempPath::try_from_path(from)?.persist_noclobber(to) else {
+        return Ok(());
+    };
+    let error = refused.error;
+    // Dropped, it would be removed.
+    refused.path.keep().map_err(|e| e.error)?;
+    match error.kind() {
+        ErrorKind::PermissionDenied | ErrorKind::Unsupported | ErrorKind::InvalidInput => {
+            if to.symlink_metadata().is_ok() {
+                return Err(ErrorKind::AlreadyExists.into());
+            }
+            std::fs::rename(from, to)
+        }
+        _ => Err(error),
+    }
+}
+
+/// Name of a file until it is whole.
+fn part_path(whole: &Path) -> PathBuf {
+    let mut part = whole.as_os_str().to_owned();
+    part.push(".part");
+    PathBuf::from(part)
 }
 
 /// The file of that name, new or left by somebody who does not hold it any more, locked and empty; how many bytes were left.
@@ -138,7 +173,13 @@ fn taken(part: &Path) -> Result<(File, u64), LogError> {
         if !is_at(&file, part) {
             continue;
         }
-        let left_bytes = file.metadata().map_err(create)?.len();
+        let left = file.metadata().map_err(create)?;
+        if left.nlink() > 1 {
+            // Killed between a whole file's new name and the end of the old one: it is not emptied.
+            std::fs::remove_file(part).map_err(create)?;
+            continue;
+        }
+        let left_bytes = left.len();
         file.set_len(0).map_err(create)?;
         return Ok((file, left_bytes));
     }
@@ -209,5 +250,38 @@ mod tests {
         let error = AtomicFile::begin(&dir.path().join("b.mcap")).unwrap_err();
         assert!(matches!(error, LogError::OutputExists { .. }), "{error}");
         assert_eq!(std::fs::read(&precious).unwrap(), b"years of work");
+    }
+
+    /// It looked, and gave the name later: a file that came in between was gone.
+    #[test]
+    fn a_file_that_another_program_makes_in_the_moment_of_the_end_is_not_replaced() {
+        for _ in 0..200 {
+            let dir = tempfile::tempdir().unwrap();
+            let whole = dir.path().join("new.mcap");
+            let ours = AtomicFile::begin(&whole).unwrap();
+            std::fs::write(ours.path(), "ours").unwrap();
+            let start = std::sync::Barrier::new(2);
+            let (is_named, is_made) = std::thread::scope(|scope| {
+                let other = scope.spawn(|| {
+                    start.wait();
+                    let mut options = OpenOptions::new();
+                    options.write(true).create_new(true).open(&whole).is_ok()
+                });
+                start.wait();
+                (ours.finish().is_ok(), other.join().unwrap())
+            });
+            assert!(is_named != is_made, "one of the two has the name");
+        }
+    }
+
+    #[test]
+    fn a_second_name_of_a_whole_file_is_no_part_of_another_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let whole = dir.path().join("new.mcap");
+        std::fs::write(&whole, "whole").unwrap();
+        std::fs::hard_link(&whole, dir.path().join("new.mcap.part")).unwrap();
+        let over = AtomicFile::begin_over(&whole).unwrap();
+        std::fs::write(over.path(), "half").unwrap();
+        assert_eq!(std::fs::read(&whole).unwrap(), b"whole");
     }
 }

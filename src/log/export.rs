@@ -9,10 +9,15 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::LogError;
-use super::held::{self, Holder};
 use super::messages::{Stamped, pb};
 use super::reader::{LogReader, Record};
 use hydroline_core::frame::{Frame, GreyRule};
+use hydroline_core::plain;
+
+mod unfinished;
+
+pub use unfinished::is_unfinished;
+use unfinished::{TMP, Unfinished};
 
 /// Kinds of files that an export writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,21 +35,18 @@ pub struct Exported {
     pub rows: BTreeMap<PathBuf, u64>,
     /// PNG files.
     pub frames: u64,
+    /// Of these, images that an export that was broken off had left: they were not encoded again.
+    pub frames_resumed: u64,
     /// Frames without an image (marked faulty or not decodable).
     pub frames_skipped: u64,
     /// Of these, frames that nothing marks as faulty: they should hold an image and do not.
     pub frames_undecodable: u64,
 }
 
-/// Folder in which the files are made before they all get their places: an interrupted export leaves them there.
-const UNFINISHED: &str = "unfinished.part";
-/// List of the files in it, from when on they get their places.
-const MOVING: &str = "moving.txt";
-
 /// Writes the tables and frames of `log` into the directory `into`, which has to be empty or is made.
 ///
-/// The files appear in it when all of them are whole. An interrupted export leaves the folder `unfinished.part`; the next
-/// one takes back what it left, and says so.
+/// The files appear in it when all of them are whole. A kill leaves the folder `unfinished.part`; the next export of the same log
+/// with the same options goes on from there, one of another removes what was left, and both say so.
 ///
 /// # Errors
 /// [`LogError::NotEmpty`]; [`LogError::BeingWritten`]; damage in the log ([`LogError::Damaged`]: recover it first), [`LogError::Output`].
@@ -53,25 +55,16 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     let reader = LogReader::open(log)?;
     let existed = into.exists();
     std::fs::create_dir_all(into).map_err(LogError::output(into))?;
-    take_back(into)?;
-    let mut found = std::fs::read_dir(into).map_err(LogError::output(into))?;
-    if let Some(Ok(entry)) = found.next() {
-        return Err(LogError::NotEmpty {
-            path: into.to_owned(),
-            found: entry.file_name().to_string_lossy().into_owned(),
-        });
-    }
-    let part = into.join(UNFINISHED);
-    std::fs::create_dir(&part).map_err(LogError::output(&part))?;
-    // Held for as long as it is open.
-    let (_held, holder) = held::folder(&part).map_err(LogError::output(&part))?;
-    if holder == Holder::Another {
-        return Err(LogError::BeingWritten { path: part });
-    }
-    let done = write_all(reader, &part, options).and_then(|done| settle(done, &part, into));
+    let mut unfinished = Unfinished::begin(log, into, options)?;
+    let done = match unfinished.placed() {
+        Ok(None) => write_all(reader, &mut unfinished, options)
+            .and_then(|account| unfinished.settle(&account)),
+        Ok(Some(done)) => Ok(done),
+        Err(error) => Err(error),
+    };
     if done.is_err() {
-        // All in it was made by this call.
-        clear(&part, into).ok();
+        // All in it was made by this export.
+        unfinished.clear().ok();
         if !existed {
             std::fs::remove_dir(into).ok();
         }
@@ -79,82 +72,14 @@ pub fn export(log: &Path, into: &Path, options: ExportOptions) -> Result<Exporte
     done
 }
 
-/// Whether an export into a folder was begun and did not come to its end.
-pub fn is_unfinished(into: &Path) -> bool {
-    into.join(UNFINISHED).is_dir()
-}
-
-/// Removes what an interrupted export has left in a folder, so that it can be made anew.
-///
-/// # Errors
-/// [`LogError::BeingWritten`] when it goes on; [`LogError::Output`].
-pub fn take_back(into: &Path) -> Result<(), LogError> {
-    if !is_unfinished(into) {
-        return Ok(());
-    }
-    let part = into.join(UNFINISHED);
-    let (_held, holder) = held::folder(&part).map_err(LogError::output(&part))?;
-    if holder == Holder::Another {
-        return Err(LogError::BeingWritten { path: part });
-    }
-    tracing::warn!(
-        "{}: left by an export that was broken off, and nobody writes it any more: it is made anew",
-        part.display()
-    );
-    clear(&part, into).map_err(LogError::output(&part))
-}
-
-/// Removes an export that did not come to its end, with the files that had their places already.
-fn clear(part: &Path, into: &Path) -> std::io::Result<()> {
-    let moved = std::fs::read_to_string(part.join(MOVING)).unwrap_or_default();
-    for name in moved.lines().filter(|name| !name.contains('/')) {
-        let (here, there) = (part.join(name), into.join(name));
-        if here.symlink_metadata().is_err() && there.symlink_metadata().is_ok_and(|m| m.is_file()) {
-            std::fs::remove_file(there)?;
-        }
-    }
-    std::fs::remove_dir_all(part)
-}
-
-/// Moves the whole files from `part` to their places, once they are on the disk.
-fn settle(mut done: Exported, part: &Path, into: &Path) -> Result<Exported, LogError> {
-    let moved = || -> std::io::Result<()> {
-        let mut names = Vec::new();
-        for entry in std::fs::read_dir(part)? {
-            names.push(entry?.file_name());
-        }
-        let list = part.join(MOVING);
-        let words: Vec<_> = names.iter().map(|name| name.to_string_lossy()).collect();
-        std::fs::write(&list, words.join("\n"))?;
-        sync_file_system(part)?;
-        for name in names {
-            std::fs::rename(part.join(&name), into.join(&name))?;
-        }
-        std::fs::remove_file(list)?;
-        std::fs::remove_dir(part)
-    };
-    moved().map_err(LogError::output(into))?;
-    let rows = std::mem::take(&mut done.rows).into_iter();
-    done.rows = rows
-        .map(|(path, n)| (into.join(path.file_name().unwrap_or_default()), n))
-        .collect();
-    Ok(done)
-}
-
-/// Thousands of frames are synced with one call instead of one each.
-fn sync_file_system(folder: &Path) -> std::io::Result<()> {
-    use std::os::fd::AsRawFd;
-    let folder = File::open(folder)?;
-    // SAFETY: syncfs only reads the descriptor, which is open.
-    match unsafe { libc::syncfs(folder.as_raw_fd()) } {
-        0 => Ok(()),
-        _ => Err(std::io::Error::last_os_error()),
-    }
-}
-
-fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<Exported, LogError> {
+fn write_all(
+    reader: LogReader,
+    unfinished: &mut Unfinished,
+    options: ExportOptions,
+) -> Result<Exported, LogError> {
+    let part = unfinished.part.clone();
     let mut tables = Tables {
-        into,
+        into: &part,
         open: BTreeMap::new(),
         rows: BTreeMap::new(),
     };
@@ -164,9 +89,10 @@ fn write_all(reader: LogReader, into: &Path, options: ExportOptions) -> Result<E
     for message in reader {
         let message = message?;
         if let (Record::Frame(frame), true) = (&message.record, options.frames) {
-            if save(frame, &rule, into)? {
-                done.frames += 1;
-            } else {
+            let saved = save(frame, &rule, unfinished)?;
+            done.frames += u64::from(saved != Saved::NoImage);
+            done.frames_resumed += u64::from(saved == Saved::Before);
+            if saved == Saved::NoImage {
                 done.frames_skipped += 1;
                 done.frames_undecodable += u64::from(frame.meta.fault.is_none());
             }
@@ -261,14 +187,11 @@ impl Row<'_> {
             None => self.cell(""),
         }
     }
-    /// RFC 4180: quoted where it must be. A log's text may come from anyone: a spreadsheet takes what begins with
-    /// `=`, `+`, `-` or `@` for a formula, so an apostrophe goes ahead of it, which spreadsheets hide.
+    /// RFC 4180: quoted where it must be. A log's text may come from anyone: it begins no formula.
     fn text(&mut self, value: &str) -> &mut Self {
         // Line breaks inside a cell are legal but break line-based tools.
-        let mut value = value.replace(['\n', '\r', '\t'], " ");
-        if value.trim_start().starts_with(['=', '+', '-', '@']) && value.parse::<f64>().is_err() {
-            value.insert(0, '\'');
-        }
+        let value = value.replace(['\n', '\r', '\t'], " ");
+        let value = plain::cell(&value);
         if value.contains([',', '"']) {
             self.cell(format_args!("\"{}\"", value.replace('"', "\"\"")))
         } else {
@@ -392,17 +315,46 @@ fn profile(p: &pb::StripeProfile, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>)
     }
 }
 
-/// `frame_<sequence>_<mid-exposure, UNIX ns>.png`; false when the frame holds no image.
-fn save(frame: &Frame, rule: &GreyRule, into: &Path) -> Result<bool, LogError> {
-    let Ok(grey) = frame.to_grey(rule) else {
-        return Ok(false);
-    };
-    let meta = &frame.meta;
-    let path = into.join(format!(
-        "frame_{:08}_{}.png",
-        meta.sequence, meta.mid_exposure_ns
-    ));
-    let (w, h) = (grey.width_px as u32, grey.height_px as u32);
-    let saved = image::save_buffer(&path, &grey.pixels, w, h, image::ColorType::L8);
-    saved.map(|()| true).map_err(LogError::output(&path))
+/// Way to a frame's image.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Saved {
+    /// Encoded here.
+    Now,
+    /// An export that was broken off had made it.
+    Before,
+    /// The frame holds none.
+    NoImage,
 }
+
+/// `frame_<sequence>_<mid-exposure, UNIX ns>.png`, which has its name when it is whole.
+fn save(frame: &Frame, rule: &GreyRule, unfinished: &mut Unfinished) -> Result<Saved, LogError> {
+    let meta = &frame.meta;
+    let name = format!("frame_{:08}_{}.png", meta.sequence, meta.mid_exposure_ns);
+    // Of frames by the same name the last one's image stays, as without a break.
+    if unfinished.images.remove(&name) {
+        return Ok(Saved::Before);
+    }
+    let Ok(grey) = frame.to_grey(rule) else {
+        return Ok(Saved::NoImage);
+    };
+    let path = unfinished.part.join(&name);
+    let tmp = unfinished.part.join(name + TMP);
+    let (w, h) = (grey.width_px as u32, grey.height_px as u32);
+    let mut out = BufWriter::new(File::create(&tmp).map_err(LogError::output(&path))?);
+    image::write_buffer_with_format(
+        &mut out,
+        &grey.pixels,
+        w,
+        h,
+        image::ColorType::L8,
+        image::ImageFormat::Png,
+    )
+    .map_err(LogError::output(&path))?;
+    out.flush()
+        .and_then(|()| std::fs::rename(&tmp, &path))
+        .map_err(LogError::output(&path))?;
+    Ok(Saved::Now)
+}
+
+#[cfg(test)]
+mod tests;

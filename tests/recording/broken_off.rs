@@ -2,8 +2,9 @@
 //! takes.
 
 use crate::support::hydroline;
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Output, Stdio};
 
 const TABLE_ROWS: u32 = 400;
 
@@ -144,4 +145,61 @@ fn an_export_that_was_killed_is_taken_up_by_the_same_command() {
     // What is whole stays.
     let again = run(dir, &["export", "b.mcap"]);
     assert_eq!(again.status.code(), Some(2), "{}", said(&again));
+}
+
+/// Files of a folder with their content.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap());
+    let file = |e: std::fs::DirEntry| {
+        let name = e.file_name().to_string_lossy().into_owned();
+        (name, std::fs::read(e.path()).unwrap())
+    };
+    entries.map(file).collect()
+}
+
+/// It was begun anew, however far it had come.
+#[test]
+fn an_export_of_images_that_was_killed_goes_on_and_says_how_many_are_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let plan = "name = \"short\"\n[[step]]\nfor_s = 1.2\nwrench = {}\n";
+    std::fs::write(dir.join("short.toml"), plan).unwrap();
+    for words in [
+        "simulate --rig lshpi --plan short.toml --out a.mcap",
+        "export a.mcap --out whole",
+    ] {
+        let made = run(dir, &words.split(' ').collect::<Vec<_>>());
+        assert_eq!(made.status.code(), Some(0), "{}", said(&made));
+    }
+    let part = dir.join("a/unfinished.part");
+    let has_image = || {
+        let entries = std::fs::read_dir(&part).into_iter().flatten().flatten();
+        let mut paths = entries.map(|e| e.path());
+        paths.any(|path| path.extension().is_some_and(|e| e == "png"))
+    };
+    // Killed as soon as there is an image; where it was faster, again.
+    let is_killed = (0..20).any(|_| {
+        let mut export = hydroline()
+            .current_dir(dir)
+            .args(["export", "a.mcap"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        while export.try_wait().unwrap().is_none() && !has_image() {}
+        export.kill().ok();
+        export.wait().unwrap();
+        let is_left = has_image() && !part.join("moving.txt").exists();
+        if !is_left {
+            std::fs::remove_dir_all(dir.join("a")).ok();
+        }
+        is_left
+    });
+    assert!(is_killed);
+    let made = run(dir, &["export", "a.mcap"]);
+    assert_eq!(made.status.code(), Some(0), "{}", said(&made));
+    for words in ["it goes on", "images are there", "made before the export"] {
+        assert!(said(&made).contains(words), "{words}: {}", said(&made));
+    }
+    assert!(files(&dir.join("a")) == files(&dir.join("whole")));
 }

@@ -153,6 +153,7 @@ impl Sorted for DiagnoseError {
     fn is_input(&self) -> bool {
         match self {
             Self::NothingMoves(_) | Self::Effect(_) => true,
+            Self::Runs(error) => error.is_input(),
             Self::Images(error) => error.is_input(),
             Self::NoFit { .. } => false,
         }

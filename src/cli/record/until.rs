@@ -34,14 +34,7 @@ fn poses_path(log: &Path) -> PathBuf {
 fn poses(log: &Path, rig: &Rig, build: BuildInfo) -> Result<Source, CliError> {
     let out = poses_path(log);
     if !out.exists() {
-        // Whole or not at all: a replay that was cut off is none.
-        let name = out.file_name().unwrap_or_default().to_string_lossy();
-        let part = out.with_file_name(format!(".{name}.part"));
-        if part.exists() {
-            std::fs::remove_file(&part).map_err(|e| CliError::writing(&part, &e))?;
-        }
-        replay::one(log, &part, build)?;
-        std::fs::rename(&part, &out).map_err(|e| CliError::writing(&out, &e))?;
+        replay::one(log, &out, build)?;
     }
     for words in check_vehicle(&out, rig)? {
         errln!("hydroline: {words}");
@@ -358,6 +351,59 @@ fn tell_end(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroline_core::frame::{Frame, FrameMeta, LossBefore, StampClock, StampSource};
+    use hydroline_log::{Entry, FileRecorder, Head, SummaryInput};
+    use hydroline_rigs::PixelFormat;
+
+    const T0_NS: u64 = 1_760_000_000_000_000_000;
+
+    /// A log of one black frame that is too small to show anything.
+    fn recorded(path: &Path, rig: &Rig) {
+        let frame = Frame {
+            format: PixelFormat::Grey,
+            width_px: 16,
+            height_px: 16,
+            stride_bytes: 16,
+            data: vec![8; 256].into(),
+            meta: FrameMeta {
+                sequence: 0,
+                driver_stamp_ns: 0,
+                stamp_clock: StampClock::Monotonic,
+                stamp_source: StampSource::StartOfExposure,
+                flags: 0x2001,
+                received_monotonic_ns: 3_000_000,
+                mid_exposure_ns: T0_NS,
+                exposure_s: 0.004,
+                fault: None,
+                lost_before: LossBefore::default(),
+            },
+        };
+        let head = Head {
+            rig_toml: rig.to_toml(),
+            ..Head::default()
+        };
+        let settings = WriteSettings::offline(Some(frame.format));
+        let mut log = FileRecorder::create(path, false, head, settings).unwrap();
+        log.write(T0_NS, &Entry::frame(&frame, 0)).unwrap();
+        log.finish(&SummaryInput::clean("done")).unwrap();
+    }
+
+    /// A kill left `.run-1-poses.mcap.part.part`, which no later command cleared.
+    #[test]
+    fn poses_that_a_killed_command_left_unfinished_are_made_in_their_place() {
+        let dir = tempfile::tempdir().unwrap();
+        let (log, part) = (
+            dir.path().join("run-1.mcap"),
+            dir.path().join("run-1-poses.mcap.part"),
+        );
+        let rig = Rig::builtin("lshpi").unwrap();
+        recorded(&log, &rig);
+        std::fs::write(&part, "half").unwrap();
+        // Without a pose it is no run, and its replay is whole all the same.
+        let _ = poses(&log, &rig, BuildInfo::default());
+        assert!(poses_path(&log).exists() && !part.exists());
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+    }
 
     #[test]
     fn a_line_is_a_start_a_choice_or_an_end() {

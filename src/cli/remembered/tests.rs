@@ -132,3 +132,18 @@ fn the_folder_is_the_one_of_the_base_directories() {
     let refused = file.keep("c", &kept).unwrap_err().to_string();
     assert!(refused.contains("/dev/null"), "{refused}");
 }
+
+/// They stayed for ever.
+#[test]
+fn calibrations_that_a_killed_command_left_unfinished_are_cleared() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("hydroline/calibrations");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join(".hydroline-a1b2c3.part"), "half").unwrap();
+    let memory = Memory::from_variables(Some(dir.path().into()), None);
+    let camera = wanted(Medium::Air, None).camera;
+    let found = calibration("2026-03-01T10:00:00Z", Medium::Fresh, "dots-50");
+    let path = memory.keep(&camera, &found).unwrap();
+    assert!(path.exists());
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+}

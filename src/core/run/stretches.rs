@@ -9,8 +9,17 @@ const SAMPLES_MIN: usize = 4;
 const BEGIN_S: f64 = 2.0;
 /// A run that begins later in its log than this \[s\] is taken as such a stretch: a day.
 const LATE_S: f64 = 86_400.0;
+/// Share of the memory that the samples of a stretch are apart on average, at most: it is the time constant of the slowest motion.
+/// Further apart they show where the vehicle came to and not how it moves, and what a fit costs goes with stamps.
+const APART_SHARE: f64 = 0.2;
 /// Most stretches of one run: beyond, the time of a fit grows with their number and intervals shrink with its root.
 const STRETCHES_MAX: usize = 12;
+
+/// Longest time between the samples of a stretch on average \[s\], of a vehicle that remembers for `memory_s`: the time constant of
+/// its slowest motion.
+pub fn longest_step_s(memory_s: f64) -> f64 {
+    APART_SHARE * memory_s
+}
 
 impl Run {
     /// The run cut at every gap of its motion that is longer than `memory_s`; itself where there is none.
@@ -18,21 +27,22 @@ impl Run {
     /// Motion after such a gap does not depend on that before it, and what it costs to integrate over the gap goes with
     /// the stamps instead of with the samples. A stretch behind a gap has a clock of its own, its state is free at its
     /// start ([`super::start_s`]), and it keeps the command in force there; so has a run that begins days into its log.
+    /// Samples that are on average further apart than [`longest_step_s`] are cut at each step that is longer than that.
     /// Of more than twelve the longest are kept, and none of fewer than four samples: what is left out is noted. Empty
     /// where all samples are that far apart.
     pub fn stretches(&self, memory_s: f64) -> Vec<Run> {
-        let gap = self.longest_gap().filter(|gap| gap.1 > memory_s);
         let is_late = self.samples.first().is_some_and(|s| s.t_s > LATE_S);
-        let Some((from_s, gap_s)) = gap else {
+        let all = self.parts(memory_s);
+        if all.len() <= 1 {
             let mut whole = self.clone();
             if is_late {
                 whole = self.stretch(&self.samples, true);
                 (whole.name, whole.notes) = (self.name.clone(), self.notes.clone());
             }
             return vec![whole];
-        };
-        let all = self.samples.chunk_by(|a, b| b.t_s - a.t_s <= memory_s);
-        let mut parts: Vec<&[Sample]> = all.filter(|p| p.len() >= SAMPLES_MIN).collect();
+        }
+        let long_enough = all.into_iter().filter(|p| p.len() >= SAMPLES_MIN);
+        let mut parts: Vec<&[Sample]> = long_enough.collect();
         parts.sort_by_key(|p| std::cmp::Reverse(p.len()));
         parts.truncate(STRETCHES_MAX);
         parts.sort_by(|a, b| a[0].t_s.total_cmp(&b[0].t_s));
@@ -42,8 +52,17 @@ impl Run {
             .collect();
         let count = made.len();
         if let Some(first) = made.first_mut() {
+            let reason = match self.longest_gap().filter(|gap| gap.1 > memory_s) {
+                Some((from_s, gap_s)) => format!(
+                    "no motion for {gap_s:.1} s after {from_s:.2} s, longer than the vehicle remembers ({memory_s:.0} s)"
+                ),
+                None => format!(
+                    "samples are more than {:.0} s apart on average, the time constant of the vehicle's slowest motion",
+                    longest_step_s(memory_s)
+                ),
+            };
             let mut note = format!(
-                "{}: no motion for {gap_s:.1} s after {from_s:.2} s, longer than the vehicle remembers ({memory_s:.0} s): taken as {count} run(s), each with a start of its own",
+                "{}: {reason}: taken as {count} run(s), each with a start of its own",
                 self.name,
             );
             let kept: usize = parts.iter().map(|p| p.len()).sum();
@@ -58,6 +77,23 @@ impl Run {
             first.notes.push(note);
         }
         made
+    }
+
+    /// Samples between which the vehicle remembers, and of which each shows how it moved since the one before.
+    fn parts(&self, memory_s: f64) -> Vec<&[Sample]> {
+        let step_s = longest_step_s(memory_s);
+        let is_sparse = |part: &[Sample]| match part {
+            [first, .., last] => last.t_s - first.t_s > step_s * (part.len() - 1) as f64,
+            _ => false,
+        };
+        let mut parts: Vec<&[Sample]> = Vec::new();
+        for part in self.samples.chunk_by(|a, b| b.t_s - a.t_s <= memory_s) {
+            match is_sparse(part) {
+                true => parts.extend(part.chunk_by(|a, b| b.t_s - a.t_s <= step_s)),
+                false => parts.push(part),
+            }
+        }
+        parts
     }
 
     /// Longest time without a sample: where it begins and how long it is \[s\]; `None` below two samples.
@@ -175,5 +211,29 @@ mod tests {
         let many = run((0..1000).flat_map(burst)).stretches(60.0);
         assert_eq!(many.len(), STRETCHES_MAX);
         assert!(many.iter().all(|r| r.samples.len() == 11));
+    }
+
+    /// Every row of such a log cost 2500 steps of each simulation of a fit.
+    #[test]
+    fn samples_further_apart_than_the_slowest_time_constant_are_no_stretch() {
+        let apart = |step_s: f64| run((0..50).map(move |k| step_s * f64::from(k)));
+        for step_s in [25.0, 100.0, 119.0] {
+            assert!(apart(step_s).stretches(120.0).is_empty(), "{step_s}");
+        }
+        assert_eq!(apart(23.0).stretches(120.0), [apart(23.0)]);
+        // Bursts between them are runs of their own, and a gap among many samples cuts nothing.
+        let bursts = |samples: u32| {
+            let burst =
+                move |k: u32| (0..samples).map(move |j| 119.0 * f64::from(k) + 0.1 * f64::from(j));
+            run((0..5).flat_map(burst))
+        };
+        let parts = bursts(4).stretches(120.0);
+        assert_eq!(parts.len(), 5);
+        assert!(
+            parts[0].notes[0].contains("24 s apart"),
+            "{:?}",
+            parts[0].notes
+        );
+        assert_eq!(bursts(6).stretches(120.0).len(), 1);
     }
 }

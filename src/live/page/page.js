@@ -3,7 +3,8 @@
   const $ = (id) => document.getElementById(id);
   const session = document.querySelector("meta[name=session]").content;
   const token = new URLSearchParams(location.search).get("token");
-  const headers = token ? { Authorization: "Bearer " + token } : {};
+  // With the session's key no request counts as a guess of the token, whoever else guesses at this address.
+  const headers = { "X-Hydroline-Session": session, ...(token ? { Authorization: "Bearer " + token } : {}) };
   const ask = (path, wait) => fetch(path, { headers, cache: "no-store", signal: AbortSignal.timeout(wait) });
   const pause = (ms) => new Promise((done) => setTimeout(done, ms));
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -291,7 +292,7 @@
     stopping = true;
     $("stop").textContent = "stopping …";
     try {
-      const answer = await fetch("/stop", { method: "POST", headers: { ...headers, "X-Hydroline-Session": session }, signal: AbortSignal.timeout(3000) });
+      const answer = await fetch("/stop", { method: "POST", headers, signal: AbortSignal.timeout(3000) });
       if (answer.status === 403) location.reload();
       else if (!answer.ok) lost((await answer.text()).trim());
     } catch (e) {

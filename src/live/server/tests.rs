@@ -384,6 +384,8 @@ fn guesses_of_the_token_are_limited_and_stop_is_not() {
     let mut head = [0; 4096];
     let n = page.read(&mut head).unwrap();
     assert!(head[..n].starts_with(b"HTTP/1.1 200"));
+    // On a connection of its own too, as its requests have the session's key.
+    assert_eq!(ask(address, "GET /state", &own).status, 200);
     assert_eq!(ask(address, "POST /stop", &own).status, 200);
     assert_eq!(stops.load(Ordering::SeqCst), 1);
 }

@@ -367,10 +367,16 @@ fn cells_of_a_table_are_no_formulas() {
     let (path, into) = (dir.path().join("a.mcap"), dir.path().join("out"));
     let settings = WriteSettings::offline(None);
     let mut log = FileRecorder::create(&path, false, Head::default(), settings).unwrap();
-    for (i, thruster) in ["=1+1", " @sum", "-cmd|calc", "+x", "port", "-4.5"]
-        .into_iter()
-        .enumerate()
-    {
+    let names = [
+        "=1+1",
+        " @sum",
+        "-cmd|calc",
+        "+x",
+        "port",
+        "-4.5",
+        "＝HYPERLINK(1)",
+    ];
+    for (i, thruster) in names.into_iter().enumerate() {
         let t = T0_NS + i as u64;
         let command = pb::ThrusterCommand {
             timestamp: Some(timestamp(t)),
@@ -393,7 +399,15 @@ fn cells_of_a_table_are_no_formulas() {
         .collect();
     assert_eq!(
         cells,
-        ["'=1+1", "' @sum", "'-cmd|calc", "'+x", "port", "-4.5"]
+        [
+            "'=1+1",
+            "' @sum",
+            "'-cmd|calc",
+            "'+x",
+            "port",
+            "-4.5",
+            "'＝HYPERLINK(1)"
+        ]
     );
     let back = LogReader::open(&path).unwrap().next().unwrap().unwrap();
     assert!(matches!(back.record, Record::Command(c) if c.thruster == "=1+1"));
