@@ -83,13 +83,16 @@ fn bag(path: &Path, frames: &[Vec<u8>]) {
     writer.finish().unwrap();
 }
 
-/// The report holds these frames for lost, and the new log has no point of them.
-fn lost(stdout: &str, log: &Path, damaged: &[u32]) {
+/// The report holds these of so many frames for lost, and the new log has a profile of each and no point of them.
+fn lost(stdout: &str, log: &Path, frames: usize, damaged: &[u32]) {
     let said: Value = serde_json::from_str(stdout).unwrap();
     let report = &said["replays"][0]["report"];
+    assert_eq!(report["frames"], frames, "{report}");
     assert_eq!(report["undecodable"], damaged.len(), "{report}");
     assert_eq!(report["undecodable_frames"], serde_json::json!(damaged));
-    for profile in profiles(log) {
+    let profiles = profiles(log);
+    assert_eq!(profiles.len(), frames);
+    for profile in profiles {
         let is_damaged = damaged.contains(&profile.sequence);
         assert_eq!(profile.row_px.is_empty(), is_damaged, "{profile:?}");
         assert_eq!(
@@ -113,7 +116,7 @@ fn damaged_jpegs_of_a_bag_give_no_points_and_are_counted_and_named() {
         stderr.contains("5 of 9 frames cannot be read") && stderr.contains("1, 3, 4, 6, 7"),
         "{stderr}"
     );
-    lost(&stdout, &out, &damaged);
+    lost(&stdout, &out, frames.len(), &damaged);
     // The new log marks them itself.
     let faults = LogReader::open(&out)
         .unwrap()
@@ -121,6 +124,8 @@ fn damaged_jpegs_of_a_bag_give_no_points_and_are_counted_and_named() {
             Record::FrameInfo(info) => Some((info.sequence, info.fault)),
             _ => None,
         });
+    let faults: Vec<(u32, String)> = faults.collect();
+    assert_eq!(faults.len(), frames.len());
     for (sequence, fault) in faults {
         let wanted = match damaged.contains(&sequence) {
             true => "broken_jpeg",
@@ -172,7 +177,7 @@ fn damaged_jpegs_of_a_folder_are_left_out_by_name() {
         stderr.contains("img1.jpg, img3.jpg, img4.jpg, img6.jpg"),
         "{stderr}"
     );
-    lost(&stdout, &out, &[1, 3, 4, 6]);
+    lost(&stdout, &out, frames.len(), &[1, 3, 4, 6]);
 
     // Alone it is bad input.
     let alone = folder.join("img4.jpg");
