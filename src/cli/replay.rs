@@ -316,6 +316,9 @@ fn each(
         );
         outcome = Outcome::Lossy;
     }
+    if let Some(words) = &report.picture_blocks {
+        errln!("hydroline: {}: {words}", log.display());
+    }
     if let Some(words) = lacks(&report, &names(args, log, &report)) {
         errln!("hydroline: {}: {words}", log.display());
         outcome = Outcome::Lossy;
