@@ -58,6 +58,13 @@ pub enum FrameFault {
     Stale,
 }
 
+impl FrameFault {
+    /// Whether something of the frame is missing or changed: of all but a stale one.
+    pub fn is_damage(self) -> bool {
+        self != FrameFault::Stale
+    }
+}
+
 /// Frames that were lost just before this one, by how the loss was noticed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LossBefore {

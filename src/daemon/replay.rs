@@ -112,6 +112,8 @@ pub struct Report {
     pub undecodable: u64,
     /// Sequence numbers of the first 20 of these.
     pub undecodable_frames: Vec<u32>,
+    /// Frames that the recording marks as damaged: by the driver, cut short, or no whole JPEG.
+    pub marked_damaged: u64,
     /// Blocks of the frames that look like damage and were taken for the picture, in words; `None` = there are none.
     pub picture_blocks: Option<String>,
     /// Metadata of the log that is not as it was written, by name, in words.
@@ -708,6 +710,8 @@ impl Replay<'_> {
         }
         let report = &mut self.report;
         report.frames += 1;
+        let is_marked = frame.meta.fault.is_some_and(FrameFault::is_damage);
+        report.marked_damaged += u64::from(is_marked);
         report.points += profile.row_px.len() as u64;
         report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| {
             (a.min(stamp_ns), b.max(stamp_ns))

@@ -1,7 +1,7 @@
 //! Damaged JPEGs from file to stripe: no points of them, and how many there were is said, whichever way they come.
 
 use crate::formats::{profiles, run};
-use hydroline::frame::{Frame, FrameMeta, PixelFormat};
+use hydroline::frame::{Frame, FrameFault, FrameMeta, PixelFormat};
 use hydroline::log::doctor::{Grade, doctor};
 use hydroline::log::{Entry, FileRecorder, Head, LogReader, Record, SummaryInput, WriteSettings};
 use serde_json::Value;
@@ -211,8 +211,8 @@ fn drawn_over(count: u32) -> Vec<Vec<u8>> {
     (0..count).map(frame).collect()
 }
 
-/// A recording of our own of these frames.
-fn recording(path: &Path, frames: &[Vec<u8>]) {
+/// A recording of our own of these frames, the first of them marked.
+fn recording(path: &Path, frames: &[Vec<u8>], first: Option<FrameFault>) {
     let settings = WriteSettings::offline(Some(PixelFormat::Mjpg));
     let mut log = FileRecorder::create(path, false, Head::default(), settings).unwrap();
     for (k, data) in (0u32..).zip(frames) {
@@ -223,7 +223,10 @@ fn recording(path: &Path, frames: &[Vec<u8>]) {
             height_px: 240,
             stride_bytes: 0,
             data: data.clone().into(),
-            meta: FrameMeta::at(k, at_ns),
+            meta: FrameMeta {
+                fault: first.filter(|_| k == 0),
+                ..FrameMeta::at(k, at_ns)
+            },
         };
         log.write(at_ns, &Entry::frame(&frame, u64::from(k)))
             .unwrap();
@@ -259,11 +262,44 @@ fn a_picture_that_is_drawn_over_is_replayed_and_said_and_damage_beside_it_is_dam
 }
 
 #[test]
+fn frames_that_the_recording_marks_as_damaged_are_a_loss_of_the_replay_and_stale_ones_are_not() {
+    let dir = tempfile::tempdir().unwrap();
+    let sound = [sound(), sound(), sound()];
+    let replayed = |name: &str, fault: FrameFault| {
+        let (log, out) = (
+            dir.path().join(name),
+            dir.path().join(format!("{name}-out.mcap")),
+        );
+        recording(&log, &sound, Some(fault));
+        let line = "replay FILE --rig lshpi --json --out FILE";
+        let (code, stdout, stderr) = run(line, &[&log, &out]);
+        let said: Value = serde_json::from_str(&stdout).unwrap();
+        let marked = said["replays"][0]["report"]["marked_damaged"].clone();
+        assert!(code == 3, "no poses: {stderr}");
+        (marked, stderr)
+    };
+    for fault in [
+        FrameFault::BrokenJpeg,
+        FrameFault::Truncated,
+        FrameFault::DriverError,
+    ] {
+        let (marked, stderr) = replayed(&format!("{fault:?}"), fault);
+        assert_eq!(marked, 1);
+        assert!(
+            stderr.contains("1 of 3 frames are marked as damaged"),
+            "{stderr}"
+        );
+    }
+    let (marked, stderr) = replayed("stale", FrameFault::Stale);
+    assert!(marked == 0 && !stderr.contains("marked"), "{stderr}");
+}
+
+#[test]
 fn doctor_calls_a_picture_that_is_drawn_over_no_damage_of_the_log() {
     let dir = tempfile::tempdir().unwrap();
     let log = |name: &str, frames: &[Vec<u8>]| {
         let path = dir.path().join(name);
-        recording(&path, frames);
+        recording(&path, frames, None);
         doctor(&path).unwrap()
     };
     let sound = log("sound.mcap", &drawn_over(7));
