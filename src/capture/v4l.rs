@@ -69,7 +69,7 @@ impl Default for OpenOptions {
 struct Fresh {
     frame: Frame,
     info: BufferInfo,
-    /// Handed out twice: counted when it came first.
+    /// Whether it was handed out twice: it was counted when it came first.
     repeated: bool,
     /// Largest frame \[bytes\].
     full_bytes: u32,

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Blocks that look like damage and are the camera's picture.
 enum Picture {
     Known(Arc<PictureBlocks>),
-    /// As the frames so far show them.
+    /// Those that the frames so far show.
     Learnt(Box<BlockAccount>),
 }
 

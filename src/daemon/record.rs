@@ -208,7 +208,7 @@ struct Shared {
     /// For the poses.
     stripes: Mailbox<worker::Seen>,
     progress: Mutex<Progress>,
-    /// What was said of the last frame that cannot be used.
+    /// Words about the last frame that cannot be used.
     unusable: Mutex<Option<String>>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,

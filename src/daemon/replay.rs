@@ -182,7 +182,7 @@ impl Options {
 #[derive(Debug, Clone, Copy)]
 struct Fingerprint {
     bytes: u64,
-    /// Its frame was taken for damaged: what is known of the picture's blocks differs while recording and in a replay.
+    /// Whether its frame was taken for damaged: while recording less is known of the picture's blocks than in a replay.
     refused: bool,
 }
 

@@ -70,7 +70,7 @@ impl PictureBlocks {
             .is_some_and(|block| self.0.contains(&block))
     }
 
-    /// What is done with the frames, for a person; `None` = there are no such blocks.
+    /// Words for a person about these blocks and the use of the frames; `None` = there are none.
     pub fn words(&self) -> Option<String> {
         let (column_px, row_px) = self.0.first()?;
         Some(format!(

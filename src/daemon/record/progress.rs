@@ -11,9 +11,9 @@ use hydroline_core::frame::FrameMeta;
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Progress {
     pub counts: CaptureCounts,
-    /// When the first frame that could be read was received, CLOCK_MONOTONIC \[ns\].
+    /// Arrival of the first frame that could be read, CLOCK_MONOTONIC \[ns\].
     pub first_good_ns: Option<u64>,
-    /// When the last good frame was received, CLOCK_MONOTONIC \[ns\].
+    /// Arrival of the last good frame, CLOCK_MONOTONIC \[ns\].
     pub last_good_ns: Option<u64>,
     /// Whether the newest frame that the analysis looked at could be read.
     readable: bool,
@@ -25,7 +25,7 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// A frame came from the camera.
+    /// Takes in a frame as it came from the camera.
     pub fn received(&mut self, meta: &FrameMeta, counts: CaptureCounts) {
         self.counts = counts;
         if meta.fault.is_none() && self.readable {
@@ -33,7 +33,7 @@ impl Progress {
         }
     }
 
-    /// The analysis looked at a frame, of which it made grey levels or could not. Of a marked one this says nothing.
+    /// Takes in whether the analysis could make grey levels of a frame. Of a marked one this says nothing.
     pub fn looked_at(&mut self, meta: &FrameMeta, could_read: bool) {
         if meta.fault.is_some() {
             return;

@@ -5,9 +5,9 @@ use hydroline_capture::Excluded;
 /// Numbers of frames that are kept in the log and left out of everything else.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Unusable {
-    /// Marked by capture.
+    /// Frames that capture marks, by cause.
     pub marked: Excluded,
-    /// Marked by nothing: the analysis could not read them. Frames that it did not look at are not among them.
+    /// Frames that nothing marks and that the analysis could not read. Those that it did not look at are not among them.
     pub damaged: u64,
 }
 

@@ -140,7 +140,7 @@ pub(super) fn capture(
 #[derive(Debug, Default)]
 struct Unread {
     frames: u64,
-    /// Blocks that look like damage and are the picture's were said.
+    /// Whether blocks that look like damage and are the picture's were said.
     said: bool,
 }
 

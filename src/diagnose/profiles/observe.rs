@@ -96,7 +96,7 @@ impl LeftOut {
         self.first.get_or_insert_with(|| why.to_string());
     }
 
-    /// For a person, a remark each; empty where nothing is left out.
+    /// Remarks for a person; empty where nothing is left out.
     pub fn words(&self) -> Vec<String> {
         let mut words = Vec::new();
         if self.marked > 0 {

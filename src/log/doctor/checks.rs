@@ -181,7 +181,7 @@ impl Checks {
         }
     }
 
-    /// An image that nothing marks as faulty has to be one.
+    /// Checks that an image which nothing marks as faulty can be read.
     fn image(&mut self, frame: &Frame) {
         let frames = &mut self.frames;
         match frame.inspect(&self.rule) {
