@@ -267,7 +267,7 @@ fn frames_that_the_recording_marks_as_damaged_are_a_loss_of_the_replay_and_stale
     let sound = [sound(), sound(), sound()];
     let replayed = |name: &str, fault: FrameFault| {
         let (log, out) = (
-            dir.path().join(name),
+            dir.path().join(format!("{name}.mcap")),
             dir.path().join(format!("{name}-out.mcap")),
         );
         recording(&log, &sound, Some(fault));
