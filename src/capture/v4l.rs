@@ -65,6 +65,16 @@ impl Default for OpenOptions {
     }
 }
 
+/// A frame as it was copied out of its buffer, not looked into.
+struct Fresh {
+    frame: Frame,
+    info: BufferInfo,
+    /// Whether it was handed out twice: it was counted when it came first.
+    repeated: bool,
+    /// Largest frame \[bytes\].
+    full_bytes: u32,
+}
+
 /// A V4L2 camera.
 pub struct V4lSource {
     system: Box<dyn V4lSystem>,
@@ -177,7 +187,7 @@ impl V4lSource {
     }
 
     /// One step of the queue; `Some` = a frame came out.
-    fn step(&mut self, deadline_ns: u64) -> Result<Option<Frame>, CaptureError> {
+    fn step(&mut self, deadline_ns: u64) -> Result<Option<Fresh>, CaptureError> {
         let now_ns = self.clock.monotonic_ns();
         let action = self.queue.action(now_ns);
         let Some(device) = self.device.as_mut() else {
@@ -231,7 +241,7 @@ impl V4lSource {
         Ok(frame)
     }
 
-    fn frame(&mut self, info: &BufferInfo, received_ns: u64) -> Frame {
+    fn frame(&mut self, info: &BufferInfo, received_ns: u64) -> Fresh {
         if received_ns.saturating_sub(self.triple.monotonic_ns) >= REFRESH_NS {
             self.triple = self.clock.triple();
         }
@@ -245,7 +255,7 @@ impl V4lSource {
         };
         let stale = self.stale_left > 0;
         self.stale_left = self.stale_left.saturating_sub(1);
-        let mut fault = check::fault(self.camera.pixel_format, &format, info, &data, stale);
+        let mut fault = check::fault(self.camera.pixel_format, &format, info, data.len(), stale);
         if info.bytes_used as usize > capacity {
             fault = fault.or(Some(FrameFault::Truncated));
         }
@@ -266,14 +276,7 @@ impl V4lSource {
         }
         let (lost_before, notes) = self.account.frame(info.sequence, placed.monotonic_ns);
         let at_ns = placed.mid_exposure_ns;
-        if notes.iter().any(|n| matches!(n, Note::Repeated { .. })) {
-            fault = fault.or(Some(FrameFault::Stale));
-        } else if let Some(fault) = fault {
-            self.account.mark(fault);
-            if fault != FrameFault::Stale {
-                self.say(words::damaged(at_ns, fault, info, format.size_bytes));
-            }
-        }
+        let repeated = notes.iter().any(|n| matches!(n, Note::Repeated { .. }));
         let mut resumed = false;
         for note in notes {
             resumed |= matches!(note, Note::Resumed { .. });
@@ -285,7 +288,7 @@ impl V4lSource {
             self.say(words::gap(at_ns, info.sequence, lost_before, period_s));
         }
         (self.ever_delivered, self.restarts_since_frame) = (true, 0);
-        Frame {
+        let frame = Frame {
             format: self.camera.pixel_format,
             width_px: format.width_px,
             height_px: format.height_px,
@@ -307,7 +310,36 @@ impl V4lSource {
                 fault,
                 lost_before,
             },
+        };
+        Fresh {
+            frame,
+            info: *info,
+            repeated,
+            full_bytes: format.size_bytes,
         }
+    }
+
+    /// Looks into a frame, counts its fault and says it. Its buffer is back with the driver: this is not the queue's time.
+    fn judged(&mut self, fresh: Fresh) -> Frame {
+        let mut frame = fresh.frame;
+        let damage = match frame.meta.fault {
+            Some(FrameFault::DriverError) => None,
+            _ => check::jpeg_damage(frame.format, &frame.data),
+        };
+        if damage.is_some() {
+            frame.meta.fault = Some(FrameFault::BrokenJpeg);
+        }
+        if fresh.repeated {
+            frame.meta.fault = frame.meta.fault.or(Some(FrameFault::Stale));
+        } else if let Some(fault) = frame.meta.fault {
+            self.account.mark(fault);
+            if fault != FrameFault::Stale {
+                let at_ns = frame.meta.mid_exposure_ns;
+                let (damage, info) = (damage.as_ref(), &fresh.info);
+                self.say(words::damaged(at_ns, fault, damage, info, fresh.full_bytes));
+            }
+        }
+        frame
     }
 
     /// Turns the queue's notices into events, causes of loss, and, before the first frame, errors.
@@ -466,8 +498,8 @@ impl FrameSource for V4lSource {
             }
             if self.device.is_none() {
                 self.look(deadline_ns);
-            } else if let Some(frame) = self.step(deadline_ns)? {
-                // The buffer goes back to the driver before the frame goes on: the consumer's time is not the queue's.
+            } else if let Some(fresh) = self.step(deadline_ns)? {
+                // The buffer goes back to the driver before the frame is looked into and goes on: neither is the queue's time.
                 while matches!(
                     self.queue.action(self.clock.monotonic_ns()),
                     Action::Deliver(_) | Action::Enqueue(_)
@@ -475,7 +507,7 @@ impl FrameSource for V4lSource {
                 {
                     self.step(deadline_ns)?;
                 }
-                return Ok(Captured::Frame(frame));
+                return Ok(Captured::Frame(self.judged(fresh)));
             } else {
                 self.check_controls(self.clock.monotonic_ns());
             }

@@ -205,6 +205,7 @@ impl Screen {
                 Some(map.clone()),
                 rig.grey_rule(),
             )
+            .learning()
         };
         let scene = Scene::new(rig, map.clone());
         let start = Pose::from_array(rig.tank.start_pose);

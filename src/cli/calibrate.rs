@@ -45,7 +45,8 @@ A folder of images stands for them, one without images for all logs in it and be
 is reported, and the others are used.
 
 Exit codes: 0 done; 1 no board was found, or its nodes make no map; 2 bad arguments or files, or none of them is an \
-image or log; 3 done, but some of the given images or logs were refused, or frames of a log are damaged.")]
+image or log; 3 done, but some of the given images or logs were refused, frames of a log are damaged, or the calibration is \
+off from another of the board or of --against by more than is allowed: then it is not remembered.")]
 pub struct Args {
     /// Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of them
     #[arg(required = true, value_name = "LOG|IMAGE|FOLDER")]
@@ -307,8 +308,14 @@ fn finish(
         against: &against,
     };
     output.write(&args.out, report.file()?)?;
-    if status.accepted {
+    let apart = report.apart();
+    if report.is_accepted() {
         Memory::of_user().keep_and_say(setup.rig.as_ref(), &calibration);
+    } else if status.accepted {
+        errln!(
+            "hydroline: the calibration is not remembered: it is off from {} by more than is allowed",
+            apart.join(", ")
+        );
     }
     if let (Some(path), Some(image)) = (&args.annotate, collected.shown.get(best)) {
         output.image(path, picture::annotate(setup, image, &calibration))?;
@@ -326,7 +333,7 @@ fn finish(
         );
     }
     Ok(Outcome::of(
-        collected.refused_images > 0 || collected.lost_frames > 0,
+        collected.refused_images > 0 || collected.lost_frames > 0 || !apart.is_empty(),
     ))
 }
 

@@ -5,9 +5,11 @@ use super::print::errln;
 use hydroline_capture::ImageFolder;
 use hydroline_capture::folder::read_image;
 use hydroline_core::frame::{
-    Channel, GreyImage, GreyRule, HiddenClipping, StillError, hidden_in_still, read_still,
+    BlockAccount, BlockAccountOptions, Channel, GreyImage, GreyRule, HiddenClipping, PictureBlocks,
+    PixelFormat, StillError, hidden_in_still, inspect_still, still_format,
 };
 use hydroline_log::image_topic;
+use hydroline_numerics::{cancel, parallel};
 use std::path::{Path, PathBuf};
 
 /// Conversion of images to grey levels.
@@ -97,7 +99,48 @@ impl ImageFileError {
 
 /// An image file's grey levels.
 pub fn load(path: &Path, rule: &GreyRule) -> Result<GreyImage, ImageFileError> {
-    Ok(read_still(&read_image(path)?, rule)?)
+    load_with(path, rule, &PictureBlocks::default())
+}
+
+/// The same of one of several images of a camera whose picture has these blocks.
+pub fn load_with(
+    path: &Path,
+    rule: &GreyRule,
+    picture: &PictureBlocks,
+) -> Result<GreyImage, ImageFileError> {
+    let inspected = inspect_still(&read_image(path)?, rule)?;
+    Ok(inspected.sound(picture).map_err(StillError::from)?)
+}
+
+/// Blocks that look like damage and are the picture of the camera that took several images; says so. Of an image or a few
+/// nothing can be learnt.
+pub fn picture(files: &[PathBuf], rule: &GreyRule) -> PictureBlocks {
+    let options = BlockAccountOptions::default();
+    if (files.len() as u64) < options.frames_min {
+        return PictureBlocks::default();
+    }
+    let sampled = (0..files.len()).filter(|k| options.is_sampled(*k, files.len()));
+    let sampled: Vec<&PathBuf> = sampled.map(|k| &files[k]).collect();
+    let seams = parallel::map_slice(&sampled, |path| {
+        cancel::check();
+        // What cannot be read is said where it is used.
+        let bytes = read_image(path).ok()?;
+        let is_jpeg = still_format(&bytes) == Some(PixelFormat::Mjpg);
+        let inspected = is_jpeg
+            .then(|| inspect_still(&bytes, rule).ok())
+            .flatten()?;
+        Some(inspected.seams)
+    });
+    let mut account = BlockAccount::new(options);
+    for seams in seams.into_iter().flatten() {
+        account.see(&seams);
+    }
+    let picture = account.picture();
+    if let Some(words) = picture.words() {
+        let (n, of) = (account.explained(), sampled.len());
+        errln!("hydroline: in {n} of {of} images looked at, {words}");
+    }
+    picture
 }
 
 /// Clipping that an image file's luma does not show.

@@ -71,8 +71,8 @@ Examples:
 
 Exit codes: 0 done, also when you ended it; 1 the run failed (camera, controller, a limit, no calibration, a \
 vehicle from whose place the plan does not begin): what was recorded is readable; 2 bad arguments, rig, plan or calibration: \
-nothing was started; 3 done, but frames were lost, the disk filled up, fewer than half of the frames looked at have a pose, or \
-the controller did not confirm neutral.")]
+nothing was started; 3 done, but frames were lost or damaged, the disk filled up, fewer than half of the frames looked at \
+have a pose, or the controller did not confirm neutral.")]
 pub struct Args {
     /// Rig file or built-in name
     #[arg(long, value_name = "RIG")]
@@ -679,6 +679,8 @@ struct Recorded {
     frames_analysed: u64,
     /// Frames that a newer one replaced before that; `replay` extracts all.
     frames_not_analysed: u64,
+    /// Frames that nothing marks and that could not be read while recording (marked ones: `capture.excluded`).
+    frames_damaged: u64,
     /// Account of the stripes that were offered to the pose's fit; `None` = no poses in this recording.
     poses: Option<PoseCounts>,
     /// Sets of commands sent; `None` = without thrusters.
@@ -722,6 +724,7 @@ fn json_report(out: &Path, report: &Report) -> Recorded {
         frames_dropped: report.log.counts.frames_dropped,
         frames_analysed: report.analysed,
         frames_not_analysed: report.skipped,
+        frames_damaged: report.unusable.damaged,
         poses: report.poses.clone(),
         command_sets: report.thrusters.map(|t| t.sets),
         command_sets_echoed: report.thrusters.map(|t| t.echoed),
@@ -742,6 +745,9 @@ fn print_report(out: &Path, report: &Report) {
         report.log.counts.frames_dropped,
         report.analysed,
     );
+    if let Some(words) = report.unusable.words() {
+        outln!("  kept and not used: {words}");
+    }
     if capture.disagreement != 0 {
         outln!(
             "  the count by time differs by {} frames: see the log's events",

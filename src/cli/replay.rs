@@ -45,7 +45,7 @@ log by its own name; a log that cannot be replayed is reported, and the others a
 
 Exit codes: 0 done; 1 the log is damaged (`hydroline recover` first), or refining or smoothing fails; 2 bad arguments, \
 rig or calibration, or no log with images; 3 done, but profiles that were extracted live came out otherwise with the \
-same rig and settings, frames cannot be read, fewer than half of them have a pose, the log's own rig, calibration or \
+same rig and settings, frames are damaged or cannot be read, fewer than half of them have a pose, the log's own rig, calibration or \
 session are damaged, or some of several logs could not be replayed.")]
 pub struct Args {
     /// Logs with images, folders of images (PNG, JPEG), or folders of logs
@@ -316,6 +316,9 @@ fn each(
         );
         outcome = Outcome::Lossy;
     }
+    if let Some(words) = &report.picture_blocks {
+        errln!("hydroline: {}: {words}", log.display());
+    }
     if let Some(words) = lacks(&report, &names(args, log, &report)) {
         errln!("hydroline: {}: {words}", log.display());
         outcome = Outcome::Lossy;
@@ -364,11 +367,18 @@ fn names(args: &Args, log: &Path, report: &Report) -> Vec<String> {
     report.undecodable_frames.iter().map(name).collect()
 }
 
-/// Reason why a replay is no whole result: frames that nobody can read, or that mostly have no pose.
+/// Reason why a replay is no whole result: frames that are damaged or that nobody can read, or that mostly have no pose.
 fn lacks(report: &Report, names: &[String]) -> Option<String> {
+    let mut lost = Vec::new();
+    if report.marked_damaged > 0 {
+        lost.push(format!(
+            "{} of {} frames are marked as damaged by the recording and are lost",
+            report.marked_damaged, report.frames
+        ));
+    }
     if report.undecodable > 0 {
         let more = report.undecodable - report.undecodable_frames.len() as u64;
-        return Some(format!(
+        lost.push(format!(
             "{} of {} frames cannot be read and are lost: {}{}; why is said above, and by `hydroline doctor` of a log",
             report.undecodable,
             report.frames,
@@ -382,7 +392,7 @@ fn lacks(report: &Report, names: &[String]) -> Option<String> {
     let without: u64 = report.without_pose.values().sum();
     // While it searched for a board, the board stood where the target would.
     let mostly = without > report.poses && !report.calibrates;
-    mostly.then(|| {
+    lost.extend(mostly.then(|| {
         let most = report.without_pose.iter().max_by_key(|(_, n)| **n);
         let stated = report
             .response
@@ -403,7 +413,8 @@ fn lacks(report: &Report, names: &[String]) -> Option<String> {
             report.poses,
             report.poses + without,
         )
-    })
+    }));
+    (!lost.is_empty()).then(|| lost.join("; "))
 }
 
 /// Where each log's new one goes.

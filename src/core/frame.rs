@@ -4,6 +4,7 @@ mod bayer;
 mod clipping;
 mod grey;
 mod jpeg;
+mod picture_blocks;
 mod seams;
 mod still;
 #[cfg(test)]
@@ -14,7 +15,11 @@ use bytes::Bytes;
 pub use clipping::{ClippingWatch, HiddenClipping};
 pub use hydroline_rigs::{BayerDepth, BayerOrder, Channel, GreyRule, PixelFormat, YuvRange};
 pub use jpeg::{JpegDamage, WholeJpeg};
-pub use still::{StillError, hidden_in_still, read_still, still_format, still_size};
+pub use picture_blocks::{BlockAccount, BlockAccountOptions, PictureBlocks};
+pub use still::{
+    InspectedImage, StillError, hidden_in_still, inspect_still, read_still, still_format,
+    still_size,
+};
 
 /// Clock of a driver's stamp (V4L2_BUF_FLAG_TIMESTAMP_*).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,6 +56,13 @@ pub enum FrameFault {
     BrokenJpeg,
     /// Among the first buffers after STREAMON, or repeated content: may be stale.
     Stale,
+}
+
+impl FrameFault {
+    /// Whether something of the frame is missing or changed: of all but a stale one.
+    pub fn is_damage(self) -> bool {
+        self != FrameFault::Stale
+    }
 }
 
 /// Frames that were lost just before this one, by how the loss was noticed.

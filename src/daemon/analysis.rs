@@ -1,18 +1,28 @@
 //! Analysis of one frame: the same code live (`record`, `aim`) and offline (`replay`), so that
-//! the two agree bit for bit. A result depends on the frame and the calibration alone.
+//! the two agree bit for bit. A result depends on the frame and the calibration alone; whether a JPEG with blocks that look
+//! like damage has one depends on what is known of the camera's picture, live on the frames so far.
 
 use hydroline_calib::plane::PlaneMap;
-use hydroline_core::frame::{Frame, GreyImage, GreyRule};
+use hydroline_core::frame::{BlockAccount, Frame, FrameError, GreyImage, GreyRule, PictureBlocks};
 use hydroline_log::messages::{fault_name, pb::StripeProfile, timestamp};
 use hydroline_stripe::{Extractor, ExtractorConfig, Profile};
 use nalgebra::Matrix2;
 use std::sync::Arc;
 
-/// Turns frames into profiles. One per thread: it holds scratch memory, never results.
+/// Blocks that look like damage and are the camera's picture.
+enum Picture {
+    Known(Arc<PictureBlocks>),
+    /// Those that the frames so far show.
+    Learnt(Box<BlockAccount>),
+}
+
+/// Turns frames into profiles. One per thread: it holds scratch memory and the account of the picture's blocks, never
+/// results.
 pub struct Analyst {
     extractor: Extractor,
     map: Option<Arc<dyn PlaneMap>>,
     rule: GreyRule,
+    picture: Picture,
 }
 
 impl Analyst {
@@ -23,7 +33,44 @@ impl Analyst {
             extractor: Extractor::new(config),
             map,
             rule,
+            picture: Picture::Known(Arc::default()),
         }
+    }
+
+    /// The same for frames of a log whose picture has these blocks.
+    pub fn knowing(self, picture: Arc<PictureBlocks>) -> Self {
+        Self {
+            picture: Picture::Known(picture),
+            ..self
+        }
+    }
+
+    /// The same for the frames of one camera as they come: it learns from them which blocks are the picture's.
+    pub fn learning(self) -> Self {
+        Self {
+            picture: Picture::Learnt(Box::default()),
+            ..self
+        }
+    }
+
+    /// Account of the frames' blocks, where they are learnt.
+    pub fn blocks(&self) -> Option<&BlockAccount> {
+        match &self.picture {
+            Picture::Known(_) => None,
+            Picture::Learnt(account) => Some(account),
+        }
+    }
+
+    fn read(&mut self, frame: &Frame) -> Result<GreyImage, FrameError> {
+        let account = match &mut self.picture {
+            Picture::Known(picture) => return frame.to_grey_with(&self.rule, picture),
+            Picture::Learnt(account) => account,
+        };
+        let inspected = frame.inspect(&self.rule)?;
+        account.see(&inspected.seams);
+        let sequence = frame.meta.sequence;
+        let image = inspected.sound(&account.picture());
+        image.map_err(|damage| FrameError::Damaged { sequence, damage })
     }
 
     /// The stripe of a frame. A frame that is excluded or does not decode gives a profile whose `fault` says why.
@@ -31,7 +78,8 @@ impl Analyst {
         self.analyse_whole(frame).0
     }
 
-    /// The same, with what a pose is fitted to: the grey image and the profile in full precision.
+    /// The same, with what a pose is fitted to: the grey image and the profile in full precision; `None` = the frame is
+    /// excluded or cannot be read.
     pub fn analyse_whole(
         &mut self,
         frame: &Frame,
@@ -47,7 +95,7 @@ impl Analyst {
             message.fault = format!("frame excluded: {}", fault_name(fault));
             return (message, None);
         }
-        match frame.to_grey(&self.rule) {
+        match self.read(frame) {
             Ok(image) => {
                 let profile = self.extractor.extract(&image);
                 self.fill(&mut message, &profile);

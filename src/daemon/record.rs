@@ -15,16 +15,19 @@ pub mod limits;
 pub mod mailbox;
 mod manager;
 mod measured_pose;
+mod progress;
 mod publisher;
 mod session;
 mod supervise;
 mod tracker;
+mod unusable;
 mod worker;
 
 pub use aim_words::TERMINAL_COLUMNS;
 pub use calibrating::Calibrating;
 pub use session::{SessionInput, head};
 pub use supervise::LEAD;
+pub use unusable::Unusable;
 
 use crate::calibrate::{self, message};
 use crate::live::Live;
@@ -48,6 +51,7 @@ use hydroline_thruster::service::{Opener, ServiceError, ServiceStats, Sink};
 use hydroline_thruster::{ControllerClock, LinkRecord, ServiceConfig, ThrusterService};
 use mailbox::Mailbox;
 use measured_pose::MeasuredPose;
+use progress::Progress;
 use publisher::{Desk, Note};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -122,6 +126,8 @@ pub struct Report {
     pub analysed: u64,
     /// Frames a newer one replaced before the analysis got to them.
     pub skipped: u64,
+    /// Frames that came and cannot be used.
+    pub unusable: Unusable,
     /// Stripes that were offered to the pose's fit, by outcome; `None` = no poses in this recording.
     pub poses: Option<PoseCounts>,
     /// The thruster service's counters.
@@ -164,9 +170,9 @@ impl PoseCounts {
 }
 
 impl Report {
-    /// Whether frames or messages are missing (exit code 3).
+    /// Whether frames or messages are missing, or something of a frame (exit code 3).
     pub fn lost_anything(&self) -> bool {
-        self.log.lost || self.capture.lost.total() > 0
+        self.log.lost || self.capture.lost.total() > 0 || self.unusable.faulty() > 0
     }
 
     /// Whether the controller has not confirmed neutral at the end (exit code 3).
@@ -205,6 +211,8 @@ struct Shared {
     /// For the poses.
     stripes: Mailbox<worker::Seen>,
     progress: Mutex<Progress>,
+    /// Words about the last frame that cannot be used.
+    unusable: Mutex<Option<String>>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
     /// From image to laser plane; `None` = no poses.
@@ -216,15 +224,6 @@ struct Shared {
     desk: Option<Desk>,
     /// There is a line to the thrusters.
     drives: bool,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Progress {
-    counts: CaptureCounts,
-    first_good_ns: Option<u64>,
-    last_good_ns: Option<u64>,
-    analysed: u64,
-    points: usize,
 }
 
 impl Shared {
@@ -329,6 +328,7 @@ pub fn run(
         newest: Mailbox::default(),
         stripes: Mailbox::default(),
         progress: Mutex::new(Progress::default()),
+        unusable: Mutex::new(None),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
         map: parts.map.clone(),
@@ -397,12 +397,17 @@ pub fn run(
         let _ = live.join();
     }
 
-    let (analysed, skipped) = (shared.progress(|p| p.analysed), shared.newest.skipped());
+    let skipped = shared.newest.skipped();
+    let (analysed, damaged) = shared.progress(|p| (p.analysed, p.damaged));
+    let unusable = Unusable {
+        marked: counts.excluded,
+        damaged,
+    };
     let log = parts.recorder.finish(&summary(
         &stop,
         &counts,
-        analysed,
-        skipped,
+        &unusable,
+        (analysed, skipped),
         poses.as_ref(),
         thrusters.as_ref(),
     ))?;
@@ -411,6 +416,7 @@ pub fn run(
         capture: counts,
         analysed,
         skipped,
+        unusable,
         poses,
         thrusters,
         log,
@@ -534,8 +540,8 @@ fn loads(
 fn summary(
     stop: &StopReason,
     counts: &CaptureCounts,
-    analysed: u64,
-    skipped: u64,
+    unusable: &Unusable,
+    (analysed, skipped): (u64, u64),
     poses: Option<&PoseCounts>,
     thrusters: Option<&ServiceStats>,
 ) -> SummaryInput {
@@ -564,13 +570,12 @@ fn summary(
     put("frames.not_analysed", &skipped);
     put("frames.disagreement", &counts.disagreement);
     put("frames.period_s", &counts.period_s);
-    put(
-        "frames.excluded.driver_error",
-        &counts.excluded.driver_error,
-    );
-    put("frames.excluded.truncated", &counts.excluded.truncated);
-    put("frames.excluded.broken_jpeg", &counts.excluded.broken_jpeg);
-    put("frames.excluded.stale", &counts.excluded.stale);
+    let marked = &unusable.marked;
+    put("frames.excluded.driver_error", &marked.driver_error);
+    put("frames.excluded.truncated", &marked.truncated);
+    put("frames.excluded.broken_jpeg", &marked.broken_jpeg);
+    put("frames.excluded.stale", &marked.stale);
+    put("frames.excluded.damaged", &unusable.damaged);
     put("frames.void", &counts.excluded.void);
     // With these the file's own count closes: logged + dropped = received + leftover + repeated.
     put("frames.leftover", &counts.excluded.leftover);

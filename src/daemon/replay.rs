@@ -13,7 +13,9 @@ use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::FolderError;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::frame::{ClippingWatch, Frame, FrameError, FrameFault, GreyImage, GreyRule};
+use hydroline_core::frame::{
+    ClippingWatch, Frame, FrameError, FrameFault, GreyImage, GreyRule, PictureBlocks, PixelFormat,
+};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self, Stamped,
@@ -41,6 +43,7 @@ use std::sync::Arc;
 pub mod gaps;
 mod input;
 mod opening;
+mod picture;
 mod refined;
 mod screen;
 mod smoothed;
@@ -68,6 +71,8 @@ pub struct Options {
     pub extractor: ExtractorConfig,
     /// Rule by which grey levels come out of the frames: the rig's.
     pub rule: GreyRule,
+    /// Blocks of the log's JPEGs that look like damage and are its picture. Empty = [`replay`] looks for them.
+    pub picture: Arc<PictureBlocks>,
     /// Topic of the images where it is not ours.
     pub image_topic: Option<String>,
     /// Frames in a second of a folder of images; `None` = their names say when they were true.
@@ -107,6 +112,10 @@ pub struct Report {
     pub undecodable: u64,
     /// Sequence numbers of the first 20 of these.
     pub undecodable_frames: Vec<u32>,
+    /// Frames that the recording marks as damaged: by the driver, cut short, or no whole JPEG.
+    pub marked_damaged: u64,
+    /// Blocks of the frames that look like damage and were taken for the picture, in words; `None` = there are none.
+    pub picture_blocks: Option<String>,
     /// Metadata of the log that is not as it was written, by name, in words.
     pub damaged_metadata: BTreeMap<String, String>,
     /// Frames excluded or without a stripe, by reason; the numbers in it are those of the first of its kind.
@@ -117,7 +126,8 @@ pub struct Report {
     pub live: u64,
     /// Of these, profiles that came out bit for bit the same.
     pub live_identical: u64,
-    /// Of these, profiles that came out otherwise; the rest have no image in the log to compare with.
+    /// Of these, profiles that came out otherwise; the rest have no image in the log to compare with, or their frame was taken
+    /// for damaged in one of the two.
     pub live_different: u64,
     /// Messages of topics or schemas that are not ours, by topic: not carried over.
     pub foreign: BTreeMap<String, u64>,
@@ -146,6 +156,11 @@ pub struct Report {
 impl Options {
     fn analyst(&self) -> Analyst {
         Analyst::new(self.extractor.clone(), self.map.clone(), self.rule)
+            .knowing(self.picture.clone())
+    }
+
+    fn read(&self, frame: &Frame) -> Result<GreyImage, FrameError> {
+        frame.to_grey_with(&self.rule, &self.picture)
     }
 
     fn open(&self, log: &Path) -> Result<Input, ReplayError> {
@@ -163,11 +178,28 @@ impl Options {
     }
 }
 
+/// A profile's bytes, to be compared with those of its frame's other one.
+#[derive(Debug, Clone, Copy)]
+struct Fingerprint {
+    bytes: u64,
+    /// Whether its frame was taken for damaged: while recording less is known of the picture's blocks than in a replay.
+    refused: bool,
+}
+
+impl Fingerprint {
+    fn of(profile: &StripeProfile) -> Self {
+        Fingerprint {
+            bytes: fingerprint(profile),
+            refused: profile.fault.contains(": damaged JPEG: "),
+        }
+    }
+}
+
 impl Report {
-    fn compared(&mut self, identical: bool) {
-        if identical {
+    fn compared(&mut self, live: Fingerprint, ours: Fingerprint) {
+        if live.bytes == ours.bytes {
             self.live_identical += 1;
-        } else {
+        } else if !live.refused && !ours.refused {
             self.live_different += 1;
         }
     }
@@ -218,6 +250,19 @@ pub fn replay(
             }
         }
     };
+    let found = match first.format == PixelFormat::Mjpg && options.picture.is_empty() {
+        true => Some(picture::find(log, options)?),
+        false => None,
+    };
+    let picture_blocks = match &found {
+        Some(found) => found.words(),
+        None => options.picture.words(),
+    };
+    let with_picture = found.map(|found| Options {
+        picture: Arc::new(found.blocks),
+        ..options.clone()
+    });
+    let options = with_picture.as_ref().unwrap_or(options);
     let camera = Some(first.format).filter(|_| options.keep_images);
     if camera.is_some() {
         state_frame_bytes(&mut head, first.data.len());
@@ -226,6 +271,7 @@ pub fn replay(
     let damaged = reader.seal_findings().into_iter().filter(|f| f.damaged());
     let mut report = Report {
         frames_missing: reader.missing(),
+        picture_blocks,
         damaged_metadata: damaged.map(|f| (f.name.clone(), f.to_string())).collect(),
         ..Report::default()
     };
@@ -376,9 +422,9 @@ struct Replay<'a> {
     writer: FileRecorder,
     options: &'a Options,
     /// Fingerprints of the recording's profiles by stamp and sequence (the bytes of an hour would fill the memory).
-    live: HashMap<(u64, u32), u64>,
+    live: HashMap<(u64, u32), Fingerprint>,
     /// Profiles computed here that have not met their live twin yet.
-    ours: HashMap<(u64, u32), u64>,
+    ours: HashMap<(u64, u32), Fingerprint>,
     pending: Vec<LogMessage>,
     frames_pending: usize,
     report: Report,
@@ -412,14 +458,14 @@ impl Kinds {
 }
 
 /// Whether a frame that nothing marks as faulty is a damaged JPEG.
-fn is_damaged(frame: &Frame, rule: &GreyRule) -> bool {
+fn is_damaged(frame: &Frame, options: &Options) -> bool {
     let unmarked = frame.meta.fault.is_none();
-    unmarked && matches!(frame.to_grey(rule), Err(FrameError::Damaged { .. }))
+    unmarked && matches!(options.read(frame), Err(FrameError::Damaged { .. }))
 }
 
 /// Whether a frame that nothing marks as faulty cannot be read.
-fn is_unread(frame: &Frame, rule: &GreyRule) -> bool {
-    frame.meta.fault.is_none() && frame.to_grey(rule).is_err()
+fn is_unread(frame: &Frame, options: &Options) -> bool {
+    frame.meta.fault.is_none() && options.read(frame).is_err()
 }
 
 fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
@@ -492,7 +538,7 @@ impl Replay<'_> {
             Record::Frame(frame) => {
                 if self.options.keep_images {
                     let damaged = analysed.as_ref().is_some_and(|(profile, _)| {
-                        !profile.fault.is_empty() && is_damaged(&frame, &self.options.rule)
+                        !profile.fault.is_empty() && is_damaged(&frame, self.options)
                     });
                     let mut kept = frame.clone();
                     if damaged {
@@ -528,11 +574,11 @@ impl Replay<'_> {
             Record::Profile(live) => {
                 let key = (live.timestamp.as_ref().map_or(0, unix_ns), live.sequence);
                 self.report.live += 1;
-                let bytes = fingerprint(&live);
+                let live = Fingerprint::of(&live);
                 match self.ours.remove(&key) {
-                    Some(ours) => self.report.compared(ours == bytes),
+                    Some(ours) => self.report.compared(live, ours),
                     None => {
-                        self.live.insert(key, bytes);
+                        self.live.insert(key, live);
                     }
                 }
                 return Ok(());
@@ -664,6 +710,8 @@ impl Replay<'_> {
         }
         let report = &mut self.report;
         report.frames += 1;
+        let is_marked = frame.meta.fault.is_some_and(FrameFault::is_damage);
+        report.marked_damaged += u64::from(is_marked);
         report.points += profile.row_px.len() as u64;
         report.span_ns = Some(report.span_ns.map_or((stamp_ns, stamp_ns), |(a, b)| {
             (a.min(stamp_ns), b.max(stamp_ns))
@@ -672,7 +720,7 @@ impl Replay<'_> {
             report.with_stripe += 1;
         } else {
             // Frames without a stripe are few: reading one again to know why costs nothing that counts.
-            if is_unread(frame, &self.options.rule) {
+            if is_unread(frame, self.options) {
                 report.undecodable += 1;
                 if report.undecodable_frames.len() < NAMED_MAX {
                     report.undecodable_frames.push(frame.meta.sequence);
@@ -681,11 +729,11 @@ impl Replay<'_> {
             self.kinds.count(&mut report.without_stripe, &profile.fault);
         }
         let key = (stamp_ns, profile.sequence);
-        let bytes = fingerprint(profile);
+        let ours = Fingerprint::of(profile);
         match self.live.remove(&key) {
-            Some(live) => report.compared(live == bytes),
+            Some(live) => report.compared(live, ours),
             None => {
-                self.ours.insert(key, bytes);
+                self.ours.insert(key, ours);
             }
         }
     }

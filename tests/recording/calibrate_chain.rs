@@ -418,6 +418,51 @@ fn offline_a_board_1_mm_off_is_measured_and_held_against_the_one_in_the_sheet() 
 }
 
 #[test]
+fn a_calibration_off_from_another_beyond_tolerance_is_neither_accepted_nor_remembered() {
+    let _alone = crate::support::alone();
+    let dir = tempfile::tempdir().unwrap();
+    let log = board_log(dir.path(), "board.mcap", "dots-50", "0", "1");
+    let file = |name: &str| dir.path().join(name);
+    let made = |out: &Path, more: &[&str]| {
+        let args = ["calibrate", text(&log), "--json", "--out", text(out)];
+        words(&run_at_home(&file("home"), &[&args[..], more].concat()))
+    };
+    let (code, _, stderr) = made(&file("first.toml"), &[]);
+    assert_eq!(code, Some(0), "{stderr}");
+    assert!(stderr.contains("remembered for this camera"), "{stderr}");
+    // The same board, by a ruler that is 1 % off.
+    let first = std::fs::read_to_string(file("first.toml")).unwrap();
+    let scaled = first
+        .lines()
+        .map(|line| match line.strip_prefix("plane_scale_m = ") {
+            Some(scale) => format!("plane_scale_m = {}", 1.01 * scale.parse::<f64>().unwrap()),
+            None => line.to_owned(),
+        });
+    let scaled = scaled.collect::<Vec<_>>().join("\n");
+    assert_ne!(scaled.trim(), first.trim());
+    let old = file("old.toml");
+    std::fs::write(&old, scaled).unwrap();
+    let (code, stdout, stderr) = made(&file("second.toml"), &["--against", text(&old)]);
+    assert_eq!(code, Some(3), "{stderr}");
+    assert!(
+        !stderr.contains("remembered for") && stderr.contains("is not remembered"),
+        "{stderr}"
+    );
+    let said: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(said["apart"], serde_json::json!([text(&old)]), "{stdout}");
+    assert_eq!(said["accepted"], false);
+    // Beside itself nothing speaks against it.
+    let against = file("first.toml");
+    let (code, stdout, stderr) = made(&file("third.toml"), &["--against", text(&against)]);
+    assert_eq!(code, Some(0), "{stderr}");
+    let said: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(
+        (&said["accepted"], &said["apart"]),
+        (&serde_json::json!(true), &serde_json::json!([]))
+    );
+}
+
+#[test]
 fn every_bad_image_has_its_reason_and_no_calibration_is_made_of_none() {
     let _alone = crate::support::alone();
     let dir = tempfile::tempdir().unwrap();

@@ -209,8 +209,13 @@ fn one_stripe_of(cases: &[Case]) {
         let out = dir.path().join(format!("{name}-replayed.mcap"));
         record(&log, format, &rig(format, camera, channel));
         let (code, stdout, stderr) = run("replay FILE --json --out FILE", &[&log, &out]);
-        // The picture shows no target: no poses, which is said.
+        // The picture shows no target: no poses, which is said, and so is the frame that is cut.
         assert_eq!(code, 3, "{name}: {stderr}");
+        assert!(
+            stderr.contains("1 of 6 frames are marked as damaged")
+                && stderr.contains("have a pose"),
+            "{name}: {stderr}"
+        );
         let report: Value = serde_json::from_str(&stdout).unwrap();
         let report = &report["replays"][0]["report"];
         let counts = |key: &str| report[key].as_u64().unwrap();

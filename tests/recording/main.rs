@@ -28,6 +28,7 @@ mod plan_sizes;
 mod readme;
 mod record_clock;
 mod record_command;
+mod record_damaged;
 mod record_disk;
 mod record_kill;
 mod reports;

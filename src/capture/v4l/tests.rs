@@ -277,7 +277,33 @@ fn a_hole_between_the_markers_of_a_jpeg_makes_its_frame_faulty() {
     r.balanced();
     assert_eq!(r.counts.excluded.broken_jpeg, 1);
     let said = r.events("camera.error_frame");
-    assert!(said[0].message.contains("no whole JPEG"), "{said:?}");
+    // With the reason, as far as it is known.
+    let words = &said[0].message;
+    assert!(
+        words.contains("is no whole JPEG: ") && words.contains("block group"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_jpeg_is_looked_into_when_its_buffer_is_back_with_the_driver() {
+    let (system, clock) = system();
+    system.world().jpeg = true;
+    let camera = Camera {
+        pixel_format: PixelFormat::Mjpg,
+        ..rig_camera()
+    };
+    let mut source = open(&camera, &system, &clock).unwrap();
+    let start_ns = clock.monotonic_ns();
+    let at = start_ns + 200 * MS;
+    system.world().faults.push_back((at, Fault::Hole));
+    // Steps of the queue alone, as many as fetch some frames.
+    let (end_ns, mut frames) = (start_ns + 1_000 * MS, 0);
+    while clock.monotonic_ns() < end_ns {
+        frames += usize::from(source.step(end_ns).unwrap().is_some());
+    }
+    assert!(frames > 10, "{frames}");
+    assert_eq!(source.counts().excluded, Default::default());
 }
 
 #[test]

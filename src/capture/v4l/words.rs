@@ -9,7 +9,7 @@ use crate::gaps::{Note, Pause};
 use crate::queue::Notice;
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity, kind};
-use hydroline_core::frame::{FrameFault, LossBefore};
+use hydroline_core::frame::{FrameFault, JpegDamage, LossBefore};
 
 /// 0 = the moment it is said.
 const NOW: u64 = 0;
@@ -82,13 +82,21 @@ pub(super) fn interlaced(field: &str) -> Event {
     )
 }
 
-pub(super) fn damaged(at_ns: u64, fault: FrameFault, info: &BufferInfo, full_bytes: u32) -> Event {
+pub(super) fn damaged(
+    at_ns: u64,
+    fault: FrameFault,
+    damage: Option<&JpegDamage>,
+    info: &BufferInfo,
+    full_bytes: u32,
+) -> Event {
     let what = match fault {
         FrameFault::DriverError => "is flagged as damaged by the driver",
         FrameFault::Truncated => "is cut short",
-        FrameFault::BrokenJpeg => "is no whole JPEG: bytes of it are missing or were changed",
+        FrameFault::BrokenJpeg => "is no whole JPEG",
         FrameFault::Stale => "may be stale",
     };
+    let why = damage.map_or_else(String::new, |damage| format!(": {damage}"));
+    let what = format!("{what}{why}");
     let message = format!(
         "frame {} {what} ({} of at most {full_bytes} bytes); kept, excluded from analysis",
         info.sequence, info.bytes_used

@@ -73,8 +73,11 @@ pub struct Printed<'a> {
     claim: String,
     /// Things that are missing for an accepted calibration, in words; empty when accepted.
     missing: &'a [String],
-    /// Whether the calibration meets the tolerance.
+    /// Whether the calibration meets the tolerance and is apart from none that it was compared with.
     accepted: bool,
+    /// Names of the calibrations in `against` from which it is off by more than the tolerance allows and the uncertainties
+    /// explain; empty = of none.
+    apart: Vec<&'a str>,
     /// Comparisons with other calibrations, and with the other poses of these images.
     against: Vec<PrintedAgainst<'a>>,
 }
@@ -255,7 +258,8 @@ impl<'a> Printed<'a> {
             placement_words: report.placed_by.words().to_owned(),
             claim: c.claim(),
             missing: &status.missing,
-            accepted: status.accepted,
+            accepted: report.is_accepted(),
+            apart: report.apart(),
             against: report.against.iter().map(against).collect(),
         }
     }

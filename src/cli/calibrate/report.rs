@@ -57,7 +57,7 @@ fn closing(accepted: bool, missing: &[String], apart: &[&str]) -> String {
     }
 }
 
-impl Report<'_> {
+impl<'a> Report<'a> {
     /// A comparison in words, and whether it is more than the rig allows a map.
     fn judged(&self, found: &Comparison) -> String {
         let allowed_mm = 1e3 * self.setup.tolerance_m();
@@ -71,11 +71,16 @@ impl Report<'_> {
 
     /// Names of the calibrations that it differs from by more than the rig allows a map and the uncertainties explain: by the
     /// shape alone, where another place of the board was taken out.
-    fn apart(&self) -> Vec<&str> {
+    pub fn apart(&self) -> Vec<&'a str> {
         let apart = |found: &Comparison| found.drifted() && found.max_m > self.setup.tolerance_m();
         let of = |a: &&Against| a.aligned.as_ref().or(a.as_is.as_ref()).is_some_and(apart);
         let found = self.against.iter().filter(of);
         found.map(|a| a.name.as_str()).collect()
+    }
+
+    /// Whether nothing is missing, and nothing that it was compared with speaks against it.
+    pub fn is_accepted(&self) -> bool {
+        self.status.accepted && self.apart().is_empty()
     }
 
     /// The file: what it claims as a comment, then the calibration.

@@ -69,12 +69,15 @@ impl Frame {
     /// long as four conversions: ask it of samples.
     ///
     /// # Errors
-    /// As [`Frame::to_grey`].
+    /// As [`Frame::inspect`].
     pub fn hidden_clipping(&self, rule: &GreyRule) -> Result<Option<HiddenClipping>, FrameError> {
         if rule.channel != Channel::Luma || !self.format.has_colour() {
             return Ok(None);
         }
-        worst(rule, |rule| self.to_grey(rule))
+        // Whatever its blocks look like: clipping is said of a stream, not of a frame.
+        worst(rule, |rule| {
+            self.inspect(rule).map(|inspected| inspected.image)
+        })
     }
 }
 

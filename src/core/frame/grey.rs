@@ -4,7 +4,8 @@
 //! evenly spread over a level: 1/sqrt(12) = 0.29 levels of standard deviation, beside the read noise of 1 to 3 of a camera.
 
 use super::{
-    Channel, Frame, FrameError, GreyImage, GreyRule, PixelFormat, SIDE_MAX_PX, bayer, still, yuv,
+    Channel, Frame, FrameError, GreyImage, GreyRule, InspectedImage, PictureBlocks, PixelFormat,
+    SIDE_MAX_PX, bayer, still, yuv,
 };
 
 /// A sample of `max` at most as one of 256 levels, rounded; what is beyond `max` is clipped.
@@ -113,13 +114,39 @@ fn packed<const N: usize>(rows: &Rows<'_>, [r, g, b]: [usize; 3], channel: Chann
 }
 
 impl Frame {
+    /// The grey levels of this frame, with blocks that look like damage beside them where it is a JPEG.
+    ///
+    /// # Errors
+    /// As [`Frame::to_grey`], not for blocks.
+    pub fn inspect(&self, rule: &GreyRule) -> Result<InspectedImage, FrameError> {
+        if self.format.is_compressed() {
+            return still::of_frame(self, rule);
+        }
+        let (image, seams) = (self.to_grey(rule)?, Vec::new());
+        Ok(InspectedImage { image, seams })
+    }
+
+    /// The grey levels of this frame of a camera whose picture has these blocks.
+    ///
+    /// # Errors
+    /// As [`Frame::to_grey`], for other blocks alone.
+    pub fn to_grey_with(
+        &self,
+        rule: &GreyRule,
+        picture: &PictureBlocks,
+    ) -> Result<GreyImage, FrameError> {
+        let sequence = self.meta.sequence;
+        let inspected = self.inspect(rule)?.sound(picture);
+        inspected.map_err(|damage| FrameError::Damaged { sequence, damage })
+    }
+
     /// The grey levels of this frame. A camera without colours shows the same in every channel.
     ///
     /// # Errors
-    /// When the bytes do not hold an image of the stated size.
+    /// When the bytes do not hold an image of the stated size, or a block of it looks like damage.
     pub fn to_grey(&self, rule: &GreyRule) -> Result<GreyImage, FrameError> {
         if self.format.is_compressed() {
-            return still::of_frame(self, rule);
+            return self.to_grey_with(rule, &PictureBlocks::default());
         }
         let rows = Rows::of(self)?;
         let channel = rule.channel;

@@ -67,6 +67,23 @@ pub enum JpegDamage {
     },
 }
 
+impl JpegDamage {
+    /// First pixel of the block whose seams look like damage, column and row \[px\] of the stored image; `None` = the data
+    /// themselves are damaged.
+    pub fn block_px(&self) -> Option<(usize, usize)> {
+        match *self {
+            JpegDamage::Block {
+                column_px, row_px, ..
+            }
+            | JpegDamage::Foreign { column_px, row_px }
+            | JpegDamage::Step {
+                column_px, row_px, ..
+            } => Some((column_px, row_px)),
+            _ => None,
+        }
+    }
+}
+
 /// Blocks of 8 x 8 pixels of the first component, as they lie in the image and follow each other in its data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Grid {

@@ -146,13 +146,14 @@ fn patterns() -> Vec<[f32; 32]> {
     all
 }
 
-/// Holds an image's grey levels against its blocks.
-pub(super) fn check(pixels: &[u8], width_px: usize, grid: &Grid) -> Result<(), JpegDamage> {
+/// Blocks that look like damage, of an image's grey levels held against its grid.
+pub(super) fn flagged(pixels: &[u8], width_px: usize, grid: &Grid) -> Vec<JpegDamage> {
     let seams = Seams::of(pixels, width_px);
     let usual = Usual::of(&seams, grid);
-    foreign(&seams, pixels, width_px, &usual)?;
-    blocks(&seams, grid, &usual)?;
-    steps(&seams, grid, width_px, &usual)
+    let mut found = foreign(&seams, pixels, width_px, &usual);
+    found.extend(blocks(&seams, grid, &usual));
+    found.extend(steps(&seams, grid, width_px, &usual));
+    found
 }
 
 /// Standard deviations of a pixel's mismatch in a sound image.
@@ -182,7 +183,8 @@ impl Usual {
 }
 
 /// Blocks that one pattern too much explains.
-fn blocks(seams: &Seams, grid: &Grid, usual: &Usual) -> Result<(), JpegDamage> {
+fn blocks(seams: &Seams, grid: &Grid, usual: &Usual) -> Vec<JpegDamage> {
+    let mut found = Vec::new();
     let looked_at = 4.0 * SIDE as f32 * (BEYOND * usual.pixel()).powi(2);
     let patterns = patterns();
     for (row, column) in seams.inner() {
@@ -212,18 +214,18 @@ fn blocks(seams: &Seams, grid: &Grid, usual: &Usual) -> Result<(), JpegDamage> {
             }
         }
         if best.0 > EXPLAINED[1] * energy {
-            return Err(JpegDamage::Block {
+            found.push(JpegDamage::Block {
                 column_px: column * SIDE,
                 row_px: row * SIDE,
                 change: best.1.round() as i32,
             });
         }
     }
-    Ok(())
+    found
 }
 
 /// Blocks that go on from none of their neighbours, however these look.
-fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, usual: &Usual) -> Result<(), JpegDamage> {
+fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, usual: &Usual) -> Vec<JpegDamage> {
     let usual = usual.pixel();
     let mut found = Vec::new();
     for row in 0..seams.rows {
@@ -271,23 +273,22 @@ fn foreign(seams: &Seams, pixels: &[u8], width_px: usize, usual: &Usual) -> Resu
                     (0..SIDE).filter(is_apart).count() >= BEYOND_MIN
                 });
             if apart.count() >= SIDES_MIN {
-                found.push((row, column));
+                found.push(JpegDamage::Foreign {
+                    column_px: column * SIDE,
+                    row_px: row * SIDE,
+                });
             }
         }
     }
-    match found.first() {
-        Some(&(row, column)) if found.len() <= FEW.max(seams.rows * seams.columns / FEW_OF) => {
-            Err(JpegDamage::Foreign {
-                column_px: column * SIDE,
-                row_px: row * SIDE,
-            })
-        }
-        _ => Ok(()),
+    if found.len() > FEW.max(seams.rows * seams.columns / FEW_OF) {
+        found.clear();
     }
+    found
 }
 
 /// Steps of brightness that follow the order of the data.
-fn steps(seams: &Seams, grid: &Grid, width_px: usize, usual: &Usual) -> Result<(), JpegDamage> {
+fn steps(seams: &Seams, grid: &Grid, width_px: usize, usual: &Usual) -> Vec<JpegDamage> {
+    let mut found = Vec::new();
     let mean =
         |edge: &[i16; SIDE]| edge.iter().map(|m| f32::from(*m)).sum::<f32>() / (2 * SIDE) as f32;
     let left: Vec<f32> = seams.left.iter().map(mean).collect();
@@ -344,7 +345,7 @@ fn steps(seams: &Seams, grid: &Grid, width_px: usize, usual: &Usual) -> Result<(
                     && AGREES.contains(&(middle / step))
             });
             if agree && is_quiet {
-                return Err(JpegDamage::Step {
+                found.push(JpegDamage::Step {
                     column_px: column * SIDE,
                     row_px: row * SIDE,
                     levels: step.round() as i32,
@@ -352,5 +353,5 @@ fn steps(seams: &Seams, grid: &Grid, width_px: usize, usual: &Usual) -> Result<(
             }
         }
     }
-    Ok(())
+    found
 }

@@ -1,6 +1,7 @@
 //! JPEG and PNG to grey levels: frames of cameras and logs, and image files.
 //!
-//! What is damaged has no grey levels ([`WholeJpeg`]; PNG has checksums), and what EXIF says of how the camera was held
+//! What is damaged has no grey levels ([`WholeJpeg`]; PNG has checksums; blocks that look like damage, unless
+//! [`PictureBlocks`] explain them), and what EXIF says of how the camera was held
 //! is heeded, so that rows are rows and columns are columns.
 
 use std::borrow::Cow;
@@ -12,8 +13,8 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 use super::clipping::{HiddenClipping, worst};
 use super::grey::{full_scale, level, luma};
 use super::{
-    COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, JpegDamage, PixelFormat,
-    WholeJpeg, seams,
+    COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, JpegDamage, PictureBlocks,
+    PixelFormat, WholeJpeg, seams,
 };
 
 /// Why an image file has no grey levels.
@@ -37,15 +38,49 @@ impl From<ImageError> for StillError {
     }
 }
 
+/// Grey levels of an image whose data are whole, and what its seams show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InspectedImage {
+    /// The grey levels.
+    pub image: GreyImage,
+    /// Blocks that look like damage; empty of anything but a JPEG.
+    pub seams: Vec<JpegDamage>,
+}
+
+impl InspectedImage {
+    /// The grey levels, where no block looks like damage but those of the picture itself.
+    ///
+    /// # Errors
+    /// The first of the others.
+    pub fn sound(self, picture: &PictureBlocks) -> Result<GreyImage, JpegDamage> {
+        let mut seams = self.seams.into_iter();
+        match seams.find(|damage| !picture.explains(damage)) {
+            Some(damage) => Err(damage),
+            None => Ok(self.image),
+        }
+    }
+}
+
 /// The grey levels of an image file's bytes, PNG or JPEG as they say themselves.
 ///
 /// # Errors
 /// [`StillError`].
 pub fn read_still(bytes: &[u8], rule: &GreyRule) -> Result<GreyImage, StillError> {
-    Ok(grey(decoded(bytes)?, rule))
+    Ok(inspect_still(bytes, rule)?.sound(&PictureBlocks::default())?)
 }
 
-/// Clipping that the luma of an image file does not show; `None` where there is none, or a channel is read as it is.
+/// The same, with blocks that look like damage beside it.
+///
+/// # Errors
+/// [`StillError`], not for blocks.
+pub fn inspect_still(bytes: &[u8], rule: &GreyRule) -> Result<InspectedImage, StillError> {
+    let (image, seams) = decoded(bytes)?;
+    let image = grey(image, rule);
+    Ok(InspectedImage { image, seams })
+}
+
+/// Clipping that the luma of an image file does not show, whatever its blocks look like; `None` where there is none, or a
+/// channel is read as it is.
 ///
 /// # Errors
 /// [`StillError`].
@@ -56,14 +91,17 @@ pub fn hidden_in_still(
     if rule.channel != Channel::Luma {
         return Ok(None);
     }
-    let image = decoded(bytes)?;
+    let (image, _) = decoded(bytes)?;
     if !image.color().has_color() {
         return Ok(None);
     }
     worst(rule, |rule| Ok(grey(image.clone(), rule)))
 }
 
-fn decoded(bytes: &[u8]) -> Result<DynamicImage, StillError> {
+/// Pixels of an image, and its blocks that look like damage.
+type Decoded = (DynamicImage, Vec<JpegDamage>);
+
+fn decoded(bytes: &[u8]) -> Result<Decoded, StillError> {
     let kind = image::guess_format(bytes)?;
     // The header first: a few bytes can claim any size.
     let Head { size_px, turned } = head(bytes, kind).map_err(|e| unread(bytes, kind, e))?;
@@ -112,11 +150,7 @@ fn unread(bytes: &[u8], kind: ImageFormat, error: ImageError) -> StillError {
 }
 
 /// Pixels of an image that is whole: the one place where JPEG and PNG are decoded.
-fn unpacked(
-    bytes: &[u8],
-    kind: ImageFormat,
-    turned: Orientation,
-) -> Result<DynamicImage, StillError> {
+fn unpacked(bytes: &[u8], kind: ImageFormat, turned: Orientation) -> Result<Decoded, StillError> {
     let jpeg = match kind {
         ImageFormat::Jpeg => Some(WholeJpeg::of(bytes)?),
         _ => None,
@@ -125,12 +159,15 @@ fn unpacked(
         .as_ref()
         .map_or(Cow::Borrowed(bytes), WholeJpeg::with_tables);
     let mut image = ImageReader::with_format(Cursor::new(&bytes), kind).decode()?;
-    if let Some(grid) = jpeg.and_then(|jpeg| jpeg.grid) {
-        let grey = image.to_luma8();
-        seams::check(grey.as_raw(), grey.width() as usize, &grid)?;
-    }
+    let seams = match jpeg.and_then(|jpeg| jpeg.grid) {
+        Some(grid) => {
+            let grey = image.to_luma8();
+            seams::flagged(grey.as_raw(), grey.width() as usize, &grid)
+        }
+        None => Vec::new(),
+    };
     image.apply_orientation(turned);
-    Ok(image)
+    Ok((image, seams))
 }
 
 /// The format that an image file's bytes say they have.
@@ -156,8 +193,8 @@ pub fn still_size(bytes: &[u8], format: PixelFormat) -> Option<(u32, u32)> {
     head(bytes, kind(format).0).ok().map(|head| head.upright())
 }
 
-/// The grey levels of a compressed frame.
-pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<GreyImage, FrameError> {
+/// The grey levels of a compressed frame, and what its seams show.
+pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<InspectedImage, FrameError> {
     let sequence = frame.meta.sequence;
     let (kind, format) = kind(frame.format);
     let failed = |error: StillError| match error {
@@ -190,8 +227,9 @@ pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<GreyImage, Fram
             got: head.size_px,
         });
     }
-    let image = unpacked(&frame.data, kind, turned).map_err(failed)?;
-    Ok(grey(image, rule))
+    let (image, seams) = unpacked(&frame.data, kind, turned).map_err(failed)?;
+    let image = grey(image, rule);
+    Ok(InspectedImage { image, seams })
 }
 
 /// The grey levels of a decoded image. Without colours every channel is the same.

@@ -52,7 +52,8 @@ impl Finder {
                 ExtractorConfig::default(),
                 Some(map.clone()),
                 rig.grey_rule(),
-            ),
+            )
+            .learning(),
             fitter: PoseFitter::new(rig, map),
             start_x_m: rig.tank.start_pose[0],
             last_x_m: None,

@@ -2,6 +2,7 @@
 
 use super::launch::{Launcher, Look, Next};
 use super::mailbox::Mailbox;
+use super::unusable::no_good_frame;
 use super::{Job, RecordError, Shared, Status, keys::Keys, loads, manager};
 use crate::signals::Signals;
 use hydroline_core::event::{Severity, kind};
@@ -292,10 +293,18 @@ impl Supervisor<'_> {
         let missing = if self.good_frame() && answers {
             "the thruster controller answers, but says of no command that it put it out: is thrusters.link.kind right, and are \
              the rig's channels those of the controller?"
+                .to_owned()
         } else if self.good_frame() {
             "the thruster controller does not answer: is it powered, and is thrusters.link right?"
+                .to_owned()
         } else {
-            "no good frame: is the camera plugged in and free?"
+            let progress = self.shared.progress(|p| *p);
+            let why = self.shared.unusable.held().clone();
+            no_good_frame(
+                progress.counts.received,
+                &progress.unusable(),
+                why.as_deref(),
+            )
         };
         StopReason::Failed(format!(
             "after {seconds:.0} s {missing} `hydroline check` says more"

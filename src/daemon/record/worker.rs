@@ -10,8 +10,8 @@ use crate::calibrate::live::Live;
 use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_capture::{CaptureCounts, Captured, FrameSource};
-use hydroline_core::event::{Severity, kind};
-use hydroline_core::frame::{Frame, GreyImage};
+use hydroline_core::event::{Event, Severity, kind};
+use hydroline_core::frame::{BlockAccount, Frame, GreyImage};
 use hydroline_core::lock::Lock;
 use hydroline_core::shutdown::StopReason;
 use hydroline_core::thread_class::{block_signals, step_back};
@@ -72,15 +72,19 @@ const DRAIN: usize = 16;
 fn take(shared: &Shared, source: &dyn FrameSource, frame: Frame, index: u64) {
     shared.recorder.frame(&frame, index);
     let counts = source.counts();
-    shared.progress(|p| {
-        p.counts = counts;
-        if frame.meta.fault.is_none() {
-            let at_ns = frame.meta.received_monotonic_ns;
-            p.first_good_ns.get_or_insert(at_ns);
-            p.last_good_ns = Some(at_ns);
-        }
-    });
+    shared.progress(|p| p.received(&frame.meta, counts));
     shared.newest.put(frame);
+}
+
+/// Hands on an event of the source.
+fn happened(shared: &Shared, source: &dyn FrameSource, event: &Event) {
+    shared.event(event);
+    if *event.kind == kind::CAMERA_ERROR_FRAME {
+        *shared.unusable.held() = Some(event.message.clone());
+    }
+    if *event.kind == kind::CAMERA_REPLUGGED {
+        describe_again(shared, source);
+    }
 }
 
 /// The head of the log describes the camera of the start; the one that came back may have been set up otherwise.
@@ -103,12 +107,7 @@ pub(super) fn capture(
                     take(shared, &*source, frame, index);
                     index += 1;
                 }
-                Ok(Captured::Event(event)) => {
-                    shared.event(&event);
-                    if *event.kind == kind::CAMERA_REPLUGGED {
-                        describe_again(shared, &*source);
-                    }
-                }
+                Ok(Captured::Event(event)) => happened(shared, &*source, &event),
                 Ok(Captured::Nothing) => {
                     let counts = source.counts();
                     shared.progress(|p| p.counts = counts);
@@ -127,7 +126,7 @@ pub(super) fn capture(
                     take(shared, &*source, frame, index);
                     index += 1;
                 }
-                Ok(Captured::Event(event)) => shared.event(&event),
+                Ok(Captured::Event(event)) => happened(shared, &*source, &event),
                 _ => break,
             }
         }
@@ -135,6 +134,50 @@ pub(super) fn capture(
         source.finish();
         source.counts()
     })
+}
+
+/// Frames that nothing marks and that cannot be read.
+#[derive(Debug, Default)]
+struct Unread {
+    frames: u64,
+    /// Whether blocks that look like damage and are the picture's were said.
+    said: bool,
+}
+
+impl Unread {
+    /// Counts a frame and says why it cannot be read. It is in the log as it came.
+    fn frame(&mut self, shared: &Shared, frame: &Frame, why: &str) {
+        self.frames += 1;
+        let at_ns = frame.meta.mid_exposure_ns;
+        let words = format!("{why}; kept, excluded from analysis");
+        let event = Event::new(at_ns, Severity::Warning, &kind::CAMERA_ERROR_FRAME, words);
+        let event = event
+            .with("sequence", f64::from(frame.meta.sequence))
+            .with("bytes_used", frame.data.len() as f64);
+        shared.event(&event);
+        *shared.unusable.held() = Some(event.message);
+    }
+
+    /// Takes out of the count what turned out to be the camera's picture, and says that once.
+    fn picture(&mut self, shared: &Shared, blocks: Option<&BlockAccount>) {
+        let explained = blocks.map_or(0, BlockAccount::explained_later);
+        shared.progress(|p| p.damaged = self.frames.saturating_sub(explained));
+        if self.said {
+            return;
+        }
+        let picture = blocks.map(BlockAccount::picture).unwrap_or_default();
+        if let Some(words) = picture.words() {
+            self.said = true;
+            let at_ns = shared.clock.triple().realtime_ns;
+            let event = Event::new(
+                at_ns,
+                Severity::Warning,
+                &kind::CAMERA_PICTURE_BLOCKS,
+                words,
+            );
+            shared.event(&event.with("blocks", picture.len() as f64));
+        }
+    }
 }
 
 /// Analyses the newest frame whenever there is time.
@@ -147,14 +190,20 @@ pub(super) fn analysis(
     let ends = job.length.is_none() && job.plan.is_none();
     // A board in the sheet is neither floor nor target.
     let with_poses = map.is_some() && live.is_none();
-    let mut analyst = Analyst::new(job.extractor.clone(), map, job.rig.grey_rule());
+    let mut analyst = Analyst::new(job.extractor.clone(), map, job.rig.grey_rule()).learning();
     let h_centre_m = job.rig.mounts.h_centre_m;
     spawn("analysis", shared, move |shared| {
         step_back(10);
+        let mut unread = Unread::default();
         loop {
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
                     let (profile, pixels) = analyst.analyse_whole(&frame);
+                    shared.progress(|p| p.looked_at(&frame.meta, pixels.is_some()));
+                    if frame.meta.fault.is_none() && pixels.is_none() {
+                        unread.frame(shared, &frame, &profile.fault);
+                    }
+                    unread.picture(shared, analyst.blocks());
                     shared.recorder.push(Entry::profile(&profile));
                     let drawing = messages::stripe_annotations(&profile);
                     shared.recorder.push(Entry::annotations(&drawing));

@@ -41,9 +41,15 @@ pub enum ImageError {
     #[error("image level: {0}")]
     Effect(#[from] EffectError),
     #[error(
-        "image level: {found} of {frames} frames show a stripe, at least {LEAST_FRAMES} are needed: is the laser on, is it the rig's camera?"
+        "image level: {found} of {frames} frames show a stripe, at least {LEAST_FRAMES} are needed: is the laser on, is it the rig's camera?{}",
+        left_out.iter().map(|words| format!("; {words}")).collect::<String>()
     )]
-    Few { found: usize, frames: usize },
+    Few {
+        found: usize,
+        frames: usize,
+        /// Remarks on frames that were not taken.
+        left_out: Vec<String>,
+    },
     #[error(
         "image level: no frame lies on the rig's floor and target, whatever effect is assumed: is it the rig's target?"
     )]
@@ -169,8 +175,12 @@ fn enough(runs: &[ImageRun], raw: &[ImageRun]) -> Result<Vec<ImageRun>, ImageErr
     let runs = moving(runs);
     let found: usize = runs.iter().map(|r| r.frames.len()).sum();
     if found < LEAST_FRAMES {
-        let frames = raw.iter().map(|r| r.in_log).sum();
-        return Err(ImageError::Few { found, frames });
+        let left_out = raw.iter().flat_map(ImageRun::remarks).collect();
+        return Err(ImageError::Few {
+            found,
+            frames: raw.iter().map(|r| r.in_log).sum(),
+            left_out,
+        });
     }
     Ok(runs)
 }

@@ -6,7 +6,7 @@
 
 use hydroline_calib::plane::PlaneMap;
 use hydroline_calib::{Calibration, IdealMap};
-use hydroline_core::frame::GreyImage;
+use hydroline_core::frame::{BlockAccount, FrameFault, GreyImage};
 use hydroline_core::run::Command;
 use hydroline_identify::data::{LoadError, load_messages};
 use hydroline_log::messages::pb;
@@ -77,6 +77,45 @@ pub struct Seen {
     pub edges: Vec<Edge>,
 }
 
+/// Frames of a log that are not among those taken, and why.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Frames that the log marks as damaged.
+    pub marked: usize,
+    /// Frames that nothing marks and that cannot be read, of those that were to be taken.
+    pub unread: usize,
+    /// Reason of the first of these.
+    pub first: Option<String>,
+    /// Blocks that look like damage and were taken for the picture, in words; `None` = there are none.
+    pub picture: Option<String>,
+}
+
+impl LeftOut {
+    fn count_unread(&mut self, why: &impl std::fmt::Display) {
+        self.unread += 1;
+        self.first.get_or_insert_with(|| why.to_string());
+    }
+
+    /// Remarks for a person; empty where nothing is left out.
+    pub fn words(&self) -> Vec<String> {
+        let mut words = Vec::new();
+        if self.marked > 0 {
+            words.push(format!(
+                "{} frames are marked as damaged in the log and left out",
+                self.marked
+            ));
+        }
+        if let Some(first) = &self.first {
+            words.push(format!(
+                "{} frames cannot be read and are left out, the first: {first}",
+                self.unread
+            ));
+        }
+        words.extend(self.picture.clone());
+        words
+    }
+}
+
 /// The frames taken of one log.
 #[derive(Debug, Clone)]
 pub struct ImageRun {
@@ -92,6 +131,8 @@ pub struct ImageRun {
     pub in_log: usize,
     /// Frames without a stripe: (since the run's first stamp \[s\], the frame).
     pub dark: Vec<(f64, GreyImage)>,
+    /// Frames that were not taken.
+    pub left_out: LeftOut,
     /// The log's own calibration.
     pub(super) calibration: Option<Calibration>,
 }
@@ -106,8 +147,17 @@ impl ImageRun {
             start_ns: 0,
             in_log: 1,
             dark: Vec::new(),
+            left_out: LeftOut::default(),
             calibration: None,
         }
+    }
+
+    /// Remarks on frames that were not taken, behind the run's name.
+    pub fn remarks(&self) -> Vec<String> {
+        let words = self.left_out.words().into_iter();
+        words
+            .map(|words| format!("{}: {words}", self.name))
+            .collect()
     }
 
     /// The same frames after `change` of each, those without a stripe too, looked at anew.
@@ -175,10 +225,12 @@ pub fn read(path: &Path, rig: &Rig, most: usize) -> Result<ImageRun, LoadError> 
         || path.display().to_string(),
         |s| s.to_string_lossy().into_owned(),
     );
-    let mut in_log = 0;
+    let (mut in_log, mut left_out) = (0, LeftOut::default());
     for message in LogReader::open(path)? {
         if let Record::Frame(frame) = message?.record {
             in_log += usize::from(frame.meta.fault.is_none());
+            let is_damaged = frame.meta.fault.is_some_and(FrameFault::is_damage);
+            left_out.marked += usize::from(is_damaged);
         }
     }
     let keep = |k: usize| {
@@ -186,17 +238,22 @@ pub fn read(path: &Path, rig: &Rig, most: usize) -> Result<ImageRun, LoadError> 
         // The middle of each of n equal parts.
         (k * n) / in_log != ((k + 1) * n) / in_log
     };
-    let (mut commands, mut images, mut index) = (Vec::new(), Vec::new(), 0);
+    let (mut commands, mut inspected, mut index) = (Vec::new(), Vec::new(), 0);
+    let mut blocks = BlockAccount::default();
     let rule = rig.grey_rule();
     let mut reader = LogReader::open(path)?;
     for message in reader.by_ref() {
         match message?.record {
             Record::Command(command) => commands.push(command),
             Record::Frame(frame) if frame.meta.fault.is_none() => {
-                if keep(index)
-                    && let Ok(image) = frame.to_grey(&rule)
-                {
-                    images.push((frame.meta.mid_exposure_ns, image));
+                if keep(index) {
+                    match frame.inspect(&rule) {
+                        Ok(image) => {
+                            blocks.see(&image.seams);
+                            inspected.push((frame.meta.mid_exposure_ns, image));
+                        }
+                        Err(error) => left_out.count_unread(&error),
+                    }
                 }
                 index += 1;
             }
@@ -206,7 +263,17 @@ pub fn read(path: &Path, rig: &Rig, most: usize) -> Result<ImageRun, LoadError> 
     let calibration = reader
         .calibration_toml()
         .and_then(|text| Calibration::from_toml(text, "the log's calibration").ok());
-    from_images(&name, &commands, images, rig, calibration, in_log)
+    let picture = blocks.picture();
+    left_out.picture = picture.words();
+    let mut images = Vec::with_capacity(inspected.len());
+    for (stamp_ns, image) in inspected {
+        match image.sound(&picture) {
+            Ok(image) => images.push((stamp_ns, image)),
+            Err(damage) => left_out.count_unread(&format!("damaged JPEG: {damage}")),
+        }
+    }
+    let run = from_images(&name, &commands, images, rig, calibration, in_log)?;
+    Ok(ImageRun { left_out, ..run })
 }
 
 /// The same from images and commands in memory; `images` by UNIX stamp \[ns\].
@@ -238,6 +305,7 @@ pub fn from_images(
         frames,
         in_log,
         dark,
+        left_out: LeftOut::default(),
         calibration,
     })
 }
@@ -469,4 +537,56 @@ fn darkness(image: &GreyImage, column: usize) -> f64 {
         .map(|v| f64::from(*v))
         .sum::<f64>()
         / cut.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroline_core::frame::{Frame, FrameMeta, PixelFormat};
+    use hydroline_log::{Entry, FileRecorder, Head, SummaryInput, WriteSettings};
+
+    #[test]
+    fn frames_that_are_marked_or_cannot_be_read_are_counted_and_said() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("run.mcap");
+        let settings = WriteSettings::offline(Some(PixelFormat::Grey));
+        let mut log = FileRecorder::create(&path, false, Head::default(), settings).unwrap();
+        let faults = [
+            None,
+            None,
+            None,
+            Some(FrameFault::DriverError),
+            Some(FrameFault::Stale),
+        ];
+        for k in 0..7u32 {
+            let at_ns = 1_760_000_000_000_000_000 + u64::from(k) * 40_000_000;
+            // One has fewer bytes than it says.
+            let bytes = if k == 2 { 100 } else { 64 * 48 };
+            let frame = Frame {
+                format: PixelFormat::Grey,
+                width_px: 64,
+                height_px: 48,
+                stride_bytes: 64,
+                data: vec![8u8; bytes].into(),
+                meta: FrameMeta {
+                    fault: faults.get(k as usize).copied().flatten(),
+                    ..FrameMeta::at(k, at_ns)
+                },
+            };
+            log.write(at_ns, &Entry::frame(&frame, u64::from(k)))
+                .unwrap();
+        }
+        log.finish(&SummaryInput::clean("done")).unwrap();
+        let run = read(&path, &Rig::builtin("lshpi").unwrap(), 10).unwrap();
+        assert_eq!((run.frames.len(), run.dark.len(), run.in_log), (0, 4, 5));
+        assert_eq!((run.left_out.marked, run.left_out.unread), (1, 1));
+        let words = run.left_out.words().join("; ");
+        for part in [
+            "1 frames are marked",
+            "1 frames cannot be read",
+            "frame 2: ",
+        ] {
+            assert!(words.contains(part), "no '{part}' in: {words}");
+        }
+    }
 }

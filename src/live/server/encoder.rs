@@ -77,9 +77,9 @@ fn encode(number: u64, picture: Arc<Picture>) -> Encoded {
     out.extend((overlay.len() as u32).to_le_bytes());
     out.extend(overlay);
     let image_at = out.len();
-    // A frame that does not decode has no image; the overlay says why.
-    if let Ok(grey) = picture.frame.to_grey(&picture.rule) {
-        write_jpeg(&halved(grey), &mut out);
+    // A frame that does not decode has no image; the overlay says why. Blocks that look like damage are for eyes to see.
+    if let Ok(inspected) = picture.frame.inspect(&picture.rule) {
+        write_jpeg(&halved(inspected.image), &mut out);
     }
     Encoded {
         number,

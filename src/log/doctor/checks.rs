@@ -9,12 +9,14 @@ use crate::reader::Record;
 use crate::records::{ChannelRecord, Damage};
 use crate::topic::Topic;
 use hydroline_core::event::Severity;
-use hydroline_core::frame::{ClippingWatch, FrameError, GreyRule};
+use hydroline_core::frame::{BlockAccount, ClippingWatch, Frame, FrameError, GreyRule, JpegDamage};
 
 /// Realtime steps beyond this are reported \[ns\].
 const STEP_NS: i128 = 10_000_000;
 /// Clock triples should be read within this bracket \[ns\].
 pub(super) const BRACKET_NS: u64 = 50_000;
+/// Images kept of those whose blocks look like damage: the first may be the picture, which is known after a few.
+const SUSPECTS: usize = 16;
 /// At most that many findings of one check; the rest is counted.
 const LISTED: usize = 5;
 
@@ -61,9 +63,12 @@ pub(super) struct Frames {
     pub(super) unexplained: u64,
     pub(super) faulty: u64,
     pub(super) short: u64,
-    /// Damaged images that nothing marks, and the first of them in words.
+    /// Images that nothing marks and whose data are damaged, and the first of them in words.
     pub(super) damaged: u64,
     pub(super) first_damage: Option<String>,
+    /// Blocks that look like damage, and the first images taken for damaged by them.
+    pub(super) blocks: BlockAccount,
+    pub(super) suspects: Vec<(u32, JpegDamage)>,
     /// Losses that the frames state, and those that events take back.
     pub(super) marked: u64,
     pub(super) retracted: u64,
@@ -161,13 +166,7 @@ impl Checks {
                 self.frames.images += 1;
                 self.frames.image_due = false;
                 if frame.meta.fault.is_none() {
-                    match frame.to_grey(&self.rule) {
-                        Err(error @ FrameError::Damaged { .. }) => {
-                            self.frames.damaged += 1;
-                            self.frames.first_damage.get_or_insert(error.to_string());
-                        }
-                        read => self.frames.short += u64::from(read.is_err()),
-                    }
+                    self.image(frame);
                     self.clipping.see(frame, &self.rule);
                 }
             }
@@ -179,6 +178,26 @@ impl Checks {
             Record::Clock(pair) => self.clock(pair),
             Record::Event(event) => self.event(event),
             _ => {}
+        }
+    }
+
+    /// Checks that an image which nothing marks as faulty can be read.
+    fn image(&mut self, frame: &Frame) {
+        let frames = &mut self.frames;
+        match frame.inspect(&self.rule) {
+            Ok(inspected) => {
+                frames.blocks.see(&inspected.seams);
+                if let Err(damage) = inspected.sound(&frames.blocks.picture())
+                    && frames.suspects.len() < SUSPECTS
+                {
+                    frames.suspects.push((frame.meta.sequence, damage));
+                }
+            }
+            Err(error @ FrameError::Damaged { .. }) => {
+                frames.damaged += 1;
+                frames.first_damage.get_or_insert(error.to_string());
+            }
+            Err(_) => frames.short += 1,
         }
     }
 

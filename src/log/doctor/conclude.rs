@@ -8,6 +8,7 @@ use crate::scan::Learnt;
 use crate::seal::{DAMAGED_KEY, SealState};
 use hydroline_core::clock::clock_error;
 use hydroline_core::event::kind;
+use hydroline_core::frame::FrameError;
 
 fn is_recovered(summary: &MetadataMap) -> bool {
     summary.get("recovered").is_some_and(|v| v == "true")
@@ -199,13 +200,29 @@ impl Checks {
             let next = "exclude them; the writer should have marked them";
             self.error("image", message, next);
         }
-        if let Some(first) = &self.frames.first_damage {
+        let picture = self.frames.blocks.picture();
+        let damaged = self.frames.damaged + self.frames.blocks.damaged();
+        if damaged > 0 {
+            let suspects = std::mem::take(&mut self.frames.suspects);
+            let of_blocks = suspects
+                .into_iter()
+                .find(|(_, damage)| !picture.explains(damage))
+                .map(|(sequence, damage)| FrameError::Damaged { sequence, damage }.to_string());
+            let one = self.frames.first_damage.take().or(of_blocks);
             let message = format!(
-                "{} images are damaged and not marked as faulty, the first: {first}",
-                self.frames.damaged
+                "{damaged} images are damaged and not marked as faulty{}",
+                one.map_or_else(String::new, |words| format!(", one of them: {words}"))
             );
             let next = "no command reads them; if there are many, check the camera's cable and what the log was copied from";
             self.error("image", message, next);
+        }
+        if let Some(words) = picture.words() {
+            let message = format!(
+                "in {} of {images} images, {words}",
+                self.frames.blocks.explained()
+            );
+            let next = "nothing, where the camera or a recorder draws over the picture; turn that off, or look at the images";
+            self.note("image", message, next);
         }
         if self.frames.faulty > 0 {
             let message = format!(

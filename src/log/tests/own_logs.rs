@@ -86,9 +86,12 @@ fn every_reader_finds_it_sound(head: Head, frames: &[Frame]) {
         Record::Frame(frame) => Some(frame),
         _ => None,
     });
+    let mut compared = 0;
     for (read, frame) in read.zip(frames) {
         assert_eq!(read.data, frame.data);
+        compared += 1;
     }
+    assert_eq!(compared, frames.len());
     let indexed = IndexedLog::open(&path).unwrap();
     let places = indexed.places(&["/camera/image"]).into_iter();
     let found = places.map(|place| indexed.messages(place, &["/camera/image"]).unwrap().len());

@@ -53,9 +53,13 @@ kinds! {
     CAMERA_FAILED "camera.failed" [Error]
         "The camera cannot be read any more; the recording ends." {};
     CAMERA_ERROR_FRAME "camera.error_frame" [Warning]
-        "A frame is damaged: flagged by the driver, cut short, no whole JPEG, or stale. It is kept and left out of the analysis." {
+        "A frame is damaged: flagged by the driver, cut short, no whole JPEG, not to be read, or stale. It is kept and left out of the analysis." {
         "sequence" [""] "the driver's sequence number",
         "bytes_used" ["bytes"] "bytes that the driver filled",
+    };
+    CAMERA_PICTURE_BLOCKS "camera.picture_blocks" [Warning]
+        "Blocks of the frames' JPEGs look like damage at the same places of frame after frame. They are taken for the picture (text over it), and the frames are used. Said once." {
+        "blocks" [""] "number of these blocks so far",
     };
     CAMERA_REPEATED "camera.repeated" [Warning]
         "A sequence number came twice in one period. The second frame is kept, marked stale, and not counted." {

@@ -55,6 +55,7 @@ impl Level<'_> {
             "image level: {frames} frames of {} run(s)",
             self.problem.runs.len()
         )];
+        notes.extend(self.raw.iter().flat_map(ImageRun::remarks));
         if unexplained {
             notes.push(format!(
                 "no effect of the library takes away {:.2} px about {part}",
