@@ -7,6 +7,7 @@ use chrono::format::{
     Fixed, Item, Parsed, StrftimeItems, parse as parse_items, parse_and_remainder,
 };
 
+use super::half_day::with_usual_half;
 use super::{Instant, SECOND_NS, Zone, zone};
 use crate::number::{ascii, exact, nanoseconds};
 
@@ -19,6 +20,8 @@ pub(crate) struct Pattern {
     items: Vec<Item<'static>>,
     /// Behind a zone's name; `None` = the pattern has none.
     behind_zone: Option<Vec<Item<'static>>>,
+    /// Whether it names the half of a day.
+    has_half_day: bool,
     /// Digits before the decimal sign where the whole pattern is `hhmmss`: written as a number it loses its zeros in front.
     hhmmss_digits: Option<usize>,
     /// Numbers between colons where the whole pattern is such a clock: its first may go beyond 23 or 59.
@@ -88,6 +91,8 @@ impl Pattern {
     /// `None` = no pattern.
     pub fn new(format: &str) -> Option<Pattern> {
         let mut items = StrftimeItems::new(format).parse_to_owned().ok()?;
+        let is_half = |i: &Item<'_>| matches!(i, Item::Fixed(Fixed::LowerAmPm | Fixed::UpperAmPm));
+        let has_half_day = items.iter().any(is_half);
         let is_name = |i: &Item<'_>| matches!(i, Item::Fixed(Fixed::TimezoneName));
         let behind_zone = items.iter().position(is_name).map(|at| {
             let behind = items.split_off(at + 1);
@@ -97,6 +102,7 @@ impl Pattern {
         Some(Pattern {
             items,
             behind_zone,
+            has_half_day,
             hhmmss_digits: hhmmss_digits(format),
             colon_parts: colon_parts(format),
         })
@@ -105,6 +111,11 @@ impl Pattern {
     pub fn parse(&self, text: &str) -> Option<Stamp> {
         let text = ascii(text);
         let mut text = Cow::Borrowed(text.trim());
+        if self.has_half_day
+            && let Some(usual) = with_usual_half(&text)
+        {
+            text = Cow::Owned(usual);
+        }
         if let Some(width) = self.hhmmss_digits {
             let whole = text.find('.').unwrap_or(text.len());
             if whole < width && text.starts_with(|c: char| c.is_ascii_digit()) {

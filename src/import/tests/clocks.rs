@@ -223,3 +223,27 @@ fn hhmmss_taken_for_seconds_is_a_fault_that_names_the_format() {
     ));
     is_even(&by("format = \"%H%M%S%3f\"", &millis), &[]);
 }
+
+#[test]
+fn a_stamp_behind_noon_was_read_as_of_the_night_in_a_zone_called_pm() {
+    for (am, pm) in [
+        ("AM", "PM"),
+        ("am", "pm"),
+        ("a.m.", "p.m."),
+        ("A.M.", "P.M."),
+    ] {
+        let text = table("2026-05-04T11:59:50Z", |_, t| {
+            let own = t.format("%Y-%m-%d %I:%M:%S%.3f %p").to_string();
+            own.replace("AM", am).replace("PM", pm)
+        });
+        let found = crate::guess::guess(text.as_bytes()).unwrap().unwrap();
+        let format = "format = \"%Y-%m-%d %I:%M:%S%.f %p\"";
+        assert!(found.toml.contains(format), "{pm}: {}", found.toml);
+        let read = by(format, &text);
+        is_even(&read, &["time_zone_missing"]);
+        assert_eq!(read.start_ns, 1_777_895_990_000_000_000, "{pm}");
+        // By hours of a whole day it is no stamp.
+        let wrong = by(&format!("{ISO}\nutc_offset = \"Z\""), &text);
+        assert!(wrong.has_faults() && wrong.times_s.is_empty(), "{pm}");
+    }
+}
