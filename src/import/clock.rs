@@ -26,6 +26,43 @@ enum Reading {
     Pattern(Vec<usize>, Pattern),
 }
 
+/// A clock without a date.
+#[derive(Clone, Copy)]
+struct ClockCell {
+    ns: i128,
+    /// After which it begins again from 0 \[ns\].
+    turn_ns: i128,
+    /// Its first number is beyond those of a clock.
+    is_beyond: bool,
+}
+
+impl ClockCell {
+    /// Largest step by which a clock comes to count on beyond its turn \[ns\]: one of its first number. A wrong digit of that number
+    /// adds at least so much to the step that there is.
+    fn largest_step_ns(self) -> i128 {
+        let parts = if self.turn_ns > 3600 * SECOND_NS {
+            24
+        } else {
+            60
+        };
+        self.turn_ns / parts
+    }
+
+    /// Whether it goes on from the row before, where its first number is beyond those of a clock: the first row of such may have any,
+    /// and one that was no step on is confirmed by the next that goes on from it.
+    fn goes_on(self, before: Option<ClockCell>) -> bool {
+        let Some(before) = before.filter(|_| self.is_beyond) else {
+            return true;
+        };
+        let most_ns = if before.is_beyond {
+            self.turn_ns / 2
+        } else {
+            self.largest_step_ns()
+        };
+        (0..=most_ns).contains(&(self.ns - before.ns))
+    }
+}
+
 /// Reads the time of one row after the other.
 pub(crate) struct Clock {
     reading: Reading,
@@ -42,6 +79,8 @@ pub(crate) struct Clock {
     clock_turns: i128,
     last_of_turn: i128,
     turn_ns: i128,
+    /// The clock of the row before as it stands in the file, taken or not.
+    last_clock: Option<ClockCell>,
     beyond_bits: Option<u64>,
     zones: Zones,
     leap: Leap,
@@ -89,6 +128,7 @@ impl Clock {
             clock_turns: 0,
             last_of_turn: 0,
             turn_ns: 0,
+            last_clock: None,
             beyond_bits: None,
             zones: Zones::new(time.utc_offset_min),
             leap: Leap::default(),
@@ -186,9 +226,19 @@ impl Clock {
                         ns,
                         turn_ns,
                         is_second_60,
+                        is_beyond,
                     } => {
-                        // A clock that goes back by half its turn or more has begun again.
-                        if self.last_of_turn - ns > turn_ns / 2 {
+                        let own = ClockCell {
+                            ns,
+                            turn_ns,
+                            is_beyond,
+                        };
+                        if !own.goes_on(self.last_clock.replace(own)) {
+                            return None;
+                        }
+                        // A clock that goes back by half its turn or more has begun again; one that counts on beyond it never does.
+                        let counted_on = self.last_of_turn > turn_ns;
+                        if !counted_on && self.last_of_turn - ns > turn_ns / 2 {
                             self.clock_turns += 1;
                         }
                         (self.last_of_turn, self.turn_ns) = (ns, turn_ns);

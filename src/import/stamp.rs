@@ -60,10 +60,12 @@ mod tests {
         );
         let noon = 12 * 3600 * SECOND_NS;
         let day = |ns| {
+            let turn_ns = 86_400 * SECOND_NS;
             Some(Stamp::Clock {
                 ns,
-                turn_ns: 86_400 * SECOND_NS,
+                turn_ns,
                 is_second_60: false,
+                is_beyond: ns >= turn_ns,
             })
         };
         assert_eq!(read("%I:%M:%S %p", "12:00:00 PM"), day(noon));
@@ -82,10 +84,12 @@ mod tests {
             day((9 * 3600 + 30 * 60 + 50) * SECOND_NS + 250_000_000)
         );
         let hour = |ns| {
+            let turn_ns = 3600 * SECOND_NS;
             Some(Stamp::Clock {
                 ns,
-                turn_ns: 3600 * SECOND_NS,
+                turn_ns,
                 is_second_60: false,
+                is_beyond: ns >= turn_ns,
             })
         };
         assert_eq!(

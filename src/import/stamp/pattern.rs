@@ -41,6 +41,8 @@ pub(crate) enum Stamp {
         turn_ns: i128,
         /// Whether its second is the sixtieth.
         is_second_60: bool,
+        /// Whether its first number is beyond those of a clock: time that counts on, or a wrong digit.
+        is_beyond: bool,
     },
 }
 
@@ -84,6 +86,7 @@ fn elapsed(text: &str, parts: usize) -> Option<Stamp> {
         ns: 60 * minutes * SECOND_NS + second_ns,
         turn_ns: if parts == 2 { HOUR_NS } else { DAY_NS },
         is_second_60: false,
+        is_beyond: true,
     })
 }
 
@@ -183,6 +186,7 @@ impl Pattern {
             ns,
             turn_ns,
             is_second_60,
+            is_beyond: false,
         })
     }
 }

@@ -168,6 +168,47 @@ fn clocks_of_minutes_and_seconds_go_on_over_the_hour() {
 }
 
 #[test]
+fn one_wrong_digit_in_a_clock_cost_the_rest_of_the_file() {
+    let spoilt = |format: &'static str, from: &'static str, to: &'static str| {
+        table("2026-05-04T01:11:02Z", move |_, t| {
+            t.format(format).to_string().replace(from, to)
+        })
+    };
+    for (format, text) in [
+        (
+            "%H:%M:%S%.f",
+            spoilt("%H:%M:%S%.3f", "01:11:12.000", "94:11:12.000"),
+        ),
+        // An hour beyond the clock's last is nearer than half a turn.
+        (
+            "%H:%M:%S%.f",
+            spoilt("23:%M:%S%.3f", "23:11:12.000", "24:11:12.000"),
+        ),
+        ("%M:%S%.f", spoilt("%M:%S%.3f", "11:12.000", "91:12.000")),
+    ] {
+        let found = by(&format!("format = \"{format}\""), &text);
+        let faults = kinds(&found, Severity::Fault);
+        assert_eq!(faults, ["not_a_number"], "{format}: {:?}", found.findings);
+        assert_eq!(found.times_s.len(), ROWS as usize - 1, "{format}");
+        assert!((found.times_s[400] - 0.04 * 401.0).abs() < 1e-6);
+    }
+    // A day ends at 24:00:00, where some begin the next.
+    let text = table("2026-05-03T23:59:50Z", |_, t| {
+        t.format("%H:%M:%S%.3f")
+            .to_string()
+            .replace("00:00:00.000", "24:00:00.000")
+    });
+    is_even(&by("format = \"%H:%M:%S%.f\"", &text), &[]);
+    // Behind a gap a clock that counts on loses one row.
+    let gap = table("2026-05-04T00:59:50Z", |k, t| {
+        let s = (t - at("2026-05-04T00:00:00Z")).num_milliseconds() + 120_000 * (k / 250);
+        format!("{:02}:{:02}.{:03}", s / 60_000, s / 1000 % 60, s % 1000)
+    });
+    let found = by("format = \"%M:%S%.f\"", &gap);
+    assert_eq!(found.times_s.len(), ROWS as usize - 1);
+}
+
+#[test]
 fn names_of_zones_are_refused_until_the_map_says_their_offset() {
     let text = table("2026-05-04T09:00:00Z", |_, t| {
         t.format("%Y-%m-%d %H:%M:%S%.3f CEST").to_string()
