@@ -6,6 +6,7 @@ use crate::layout::Layout;
 use crate::map::{Column, Map, TimeMap, TimeSource};
 use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
 use crate::stamp::{self, Instant, Pattern, SECOND_NS, Stamp};
+use crate::table::stated_unit;
 use crate::unit::{self, Dimension};
 
 mod boots;
@@ -14,7 +15,7 @@ mod sexagesimal;
 mod zones;
 pub(crate) use boots::Boots;
 pub(crate) use even::{EvenRows, granularity};
-pub(crate) use sexagesimal::Sexagesimal;
+pub(crate) use sexagesimal::{Sexagesimal, may_be as may_be_sexagesimal};
 use zones::{Leap, Zones};
 
 /// Form of a row's time, with the columns' places.
@@ -84,7 +85,8 @@ pub(crate) struct Clock {
     beyond_bits: Option<u64>,
     zones: Zones,
     leap: Leap,
-    sexagesimal: Sexagesimal,
+    /// `None` = the numbers are of a unit in which no clock is written.
+    sexagesimal: Option<Sexagesimal>,
 }
 
 impl Clock {
@@ -115,6 +117,16 @@ impl Clock {
                 Reading::Pattern(places(columns)?, Pattern::new(&format)?)
             }
         };
+        let sexagesimal = match &reading {
+            Reading::Numbers(columns) => match columns[..] {
+                [(column, _)] => {
+                    let stated_s = stated_unit(layout, column, Dimension::Time).and_then(|s| s.1);
+                    may_be_sexagesimal(stated_s).then(Sexagesimal::default)
+                }
+                _ => None,
+            },
+            _ => None,
+        };
         Some(Clock {
             reading,
             decimal: map.file.decimal,
@@ -132,7 +144,7 @@ impl Clock {
             beyond_bits: None,
             zones: Zones::new(time.utc_offset_min),
             leap: Leap::default(),
-            sexagesimal: Sexagesimal::default(),
+            sexagesimal,
         })
     }
 
@@ -197,9 +209,10 @@ impl Clock {
             Reading::Numbers(columns) => {
                 let mut sum = self.epoch_ns;
                 if let [(column, unit_ns)] = columns[..]
+                    && let Some(watch) = &mut self.sexagesimal
                     && let Some(own) = number(&plain(bare(cells.get(column), unit_ns)), decimal)
                 {
-                    self.sexagesimal.row(own, line);
+                    watch.row(own, line);
                 }
                 for (column, unit_ns) in columns {
                     let cell = plain(bare(cells.get(*column), *unit_ns));
@@ -319,7 +332,7 @@ impl Clock {
                 format!("{what} {} time(s) and was continued", self.clock_turns),
             );
         }
-        if let Some(carry) = self.sexagesimal.carry() {
+        if let Some(carry) = self.sexagesimal.as_ref().and_then(Sexagesimal::carry) {
             findings.fault_at(
                 "sexagesimal_time",
                 Some(carry.line),

@@ -288,3 +288,25 @@ fn a_stamp_behind_noon_was_read_as_of_the_night_in_a_zone_called_pm() {
         assert!(wrong.has_faults() && wrong.times_s.is_empty(), "{pm}");
     }
 }
+
+#[test]
+fn an_even_count_of_milliseconds_was_called_a_clock_as_hhmmss() {
+    for (name, unit, step) in [("t", "ms", 50), ("t", "us", 50_000), ("t [ms]", "ms", 50)] {
+        let rows =
+            (0..100).map(|k| format!("{},{:.6}\n", step * k, 0.2 * (0.1 * f64::from(k)).sin()));
+        let text = format!("{name},x\n{}", rows.collect::<String>());
+        let found = crate::guess::guess(text.as_bytes()).unwrap().unwrap();
+        assert!(!found.toml.contains("format = "), "{name}: {}", found.toml);
+        let map = format!(
+            "[time]\ncolumn = \"{name}\"\nunit = \"{unit}\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n"
+        );
+        let read = read(&text, &Map::from_toml(&map, "map.toml").unwrap());
+        assert_eq!(
+            kinds(&read, Severity::Fault),
+            Vec::<&str>::new(),
+            "{:?}",
+            read.findings
+        );
+        assert!((read.times_s[99] - 4.95).abs() < 1e-9);
+    }
+}
