@@ -15,6 +15,17 @@ const UNPACKED_LEAST: u64 = 1 << 20;
 /// Bytes that tell how a file is packed.
 const MAGIC_BYTES: u64 = 4;
 
+/// Endings that packers put behind a file's name.
+const ENDINGS: [&str; 3] = [".zstd", ".zst", ".gz"];
+
+/// A file's name without the ending of a packed file.
+pub(super) fn unpacked_name(name: &str) -> &str {
+    ENDINGS
+        .iter()
+        .find_map(|ending| name.strip_suffix(*ending))
+        .unwrap_or(name)
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Packing {
     /// RFC 8878, section 3.1.1.

@@ -553,3 +553,56 @@ fn a_bag_in_sqlite_that_is_cut_gives_the_rows_that_are_there() {
         "{error}"
     );
 }
+
+#[test]
+fn parts_that_are_packed_otherwise_than_rosbag2_packs_them_were_left_out_of_a_folder() {
+    use std::io::Write;
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = |n: usize| mcap_bytes(chunked(5000), 50 * n..50 * n + 50, &[loads(), poses(&pose)]);
+    let zstd = |n: usize| zstd::bulk::compress(&bytes(n), 1).unwrap();
+    let gzip = |n: usize| {
+        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packer.write_all(&bytes(n)).unwrap();
+        packer.finish().unwrap()
+    };
+    written(&dir, "run_0.mcap", &bytes(0));
+    written(&dir, "run_1.mcap.zst", &zstd(1));
+    written(&dir, "run_2.mcap.gz", &gzip(2));
+    written(&dir, "run_3.mcap.zstd", &zstd(3));
+    // A player left the unpacked file beside the packed one.
+    written(&dir, "run_3.mcap", &bytes(3));
+    for account in [false, true] {
+        if account {
+            let text = "rosbag2_bagfile_information:\n  message_count: 400\n  relative_file_paths:\n    - run_0.mcap\n    - run_1.mcap.zstd\n    - run_2.mcap\n    - run_3.mcap.zstd\n";
+            written(&dir, "metadata.yaml", text.as_bytes());
+        }
+        let (findings, x) = imported(dir.path(), &both());
+        let all: Vec<f64> = (0..200).map(x_of).collect();
+        assert_eq!((faults(&findings), x), (Vec::new(), all), "{findings:?}");
+    }
+}
+
+#[test]
+fn a_pipe_named_as_a_bags_account_was_waited_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = mcap_bytes(chunked(5000), 0..50, &[loads(), poses(&pose)]);
+    let file = written(&dir, "run_0.mcap", &bytes);
+    let pipe = dir.path().join("metadata.yaml");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let (send, receive) = std::sync::mpsc::channel();
+    let folder = dir.path().to_owned();
+    // Whoever waits for the pipe waits in this thread.
+    std::thread::spawn(move || {
+        let rows = imported(&file, &both()).1.len();
+        let error = Recording::open(&folder).unwrap_err().to_string();
+        send.send((rows, error)).unwrap();
+    });
+    let waited = std::time::Duration::from_secs(20);
+    let (rows, error) = receive.recv_timeout(waited).unwrap();
+    assert_eq!(rows, 50);
+    assert!(
+        error.contains("metadata.yaml") && error.contains("a pipe"),
+        "{error}"
+    );
+}
