@@ -134,6 +134,17 @@ impl Content {
         };
         Some(Foreign::new(what, IMPORT))
     }
+
+    /// The same where a table was expected, and every log that is a file would have been known before.
+    pub fn no_table(self) -> Option<Foreign> {
+        match self {
+            Content::Mcap => Some(Foreign::new(
+                "an MCAP file that comes as a stream",
+                "a log is read more than once: write it to a file and name that, packed (gzip, zstd) or not",
+            )),
+            other => other.foreign(),
+        }
+    }
 }
 
 /// A log some of whose first bytes are damaged.

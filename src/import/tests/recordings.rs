@@ -606,3 +606,51 @@ fn a_pipe_named_as_a_bags_account_was_waited_for() {
         "{error}"
     );
 }
+
+#[test]
+fn damaged_jpegs_of_a_bag_whose_messages_are_packed_one_by_one_were_not_seen() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.db3");
+    db3(&path, 20, pose);
+    let bag = rusqlite::Connection::open(&path).unwrap();
+    bag.execute_batch("INSERT INTO topics VALUES(3,'/camera','sensor_msgs/msg/CompressedImage','cdr',''); CREATE TABLE message_definitions(topic_type TEXT,encoding TEXT,encoded_message_definition TEXT)").unwrap();
+    let definition = "std_msgs/Header header\nstring format\nuint8[] data\n";
+    bag.execute(
+        "INSERT INTO message_definitions VALUES('sensor_msgs/msg/CompressedImage','ros2msg',?)",
+        [definition],
+    )
+    .unwrap();
+    // A JPEG of which only the beginning is there, behind stamp, frame and format.
+    let image = |k: usize| {
+        let mut b = pose(k)[..20].to_vec();
+        b.extend(5u32.to_le_bytes());
+        b.extend(b"jpeg\0\0\0\0");
+        b.extend(4u32.to_le_bytes());
+        b.extend(b"\xff\xd8\xff\xdb");
+        b
+    };
+    let mut insert = bag
+        .prepare("INSERT INTO messages(topic_id,timestamp,data) VALUES(3,?,?)")
+        .unwrap();
+    for k in 0..20 {
+        let packed = zstd::bulk::compress(&image(k), 1).unwrap();
+        // Two that do not unpack.
+        let packed = if k < 18 { &packed[..] } else { &packed[..9] };
+        insert
+            .execute(((T0_NS + STEP_NS * k as u64) as i64, packed))
+            .unwrap();
+    }
+    drop(insert);
+    drop(bag);
+    let recording = Recording::open(&path).unwrap().unwrap();
+    let unreadable = &recording.contents().unreadable;
+    let of = |what: &str| unreadable.iter().find(|u| u.what == what).map(|u| u.count);
+    assert_eq!(of("images of /camera"), Some(18), "{unreadable:?}");
+    assert_eq!(of("messages of /camera"), Some(2), "{unreadable:?}");
+    let (findings, x) = imported(&path, &both());
+    assert_eq!((faults(&findings), x.len()), (Vec::new(), 20));
+    assert!(
+        findings.iter().any(|f| f.kind == "damaged_images"),
+        "{findings:?}"
+    );
+}
