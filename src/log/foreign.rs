@@ -14,6 +14,7 @@ use std::path::Path;
 
 use super::LogError;
 pub use records::{dataflash_at, telemetry_at};
+pub use text::CONTROL_SEPARATORS;
 
 /// Bytes from a file's beginning in which its kind is looked for.
 pub const HEAD_BYTES: u64 = 1 << 16;
@@ -97,10 +98,11 @@ impl Content {
         if let Some(magic) = MAGICS.iter().find(|m| head.starts_with(m.bytes)) {
             return magic.content.clone();
         }
-        if let Some(other) = signatures::find(head).or_else(|| damaged_magic(head)) {
+        let is_text = text::is_text(head);
+        let of_bytes = || damaged_magic(head).filter(|_| !is_text);
+        if let Some(other) = signatures::find(head, is_text).or_else(of_bytes) {
             return Content::Other(other);
         }
-        let is_text = text::is_text(head);
         if is_text && let Some(other) = text::find(head) {
             return Content::Other(other);
         }
@@ -135,7 +137,8 @@ impl Content {
         Some(Foreign::new(what, IMPORT))
     }
 
-    /// The same where a table was expected, and every log that is a file would have been known before.
+    /// Kind and way on, where a table was expected; `None` = it may be one. A log that is a file is known before, so that an MCAP file
+    /// that is met here came as a stream.
     pub fn no_table(self) -> Option<Foreign> {
         match self {
             Content::Mcap => Some(Foreign::new(

@@ -315,7 +315,7 @@ fn what_is_packed_with_gzip_is_read_as_it_is_without() {
     assert_eq!(text, csv);
     assert_eq!(source.foreign().unwrap(), None);
     // What is packed is named, not the packing.
-    let (_dir, path) = file("run.csv", &packed(b"PAR1 and more"));
+    let (_dir, path) = file("run.csv", &packed(b"PAR1\x15\x04 and more"));
     let error = Recording::open(&path).unwrap_err().to_string();
     assert!(
         error.contains("Parquet") && error.contains("to_csv"),
