@@ -13,7 +13,7 @@ mod boots;
 mod even;
 mod sexagesimal;
 mod zones;
-pub(crate) use boots::Boots;
+pub(crate) use boots::{Boots, COUNTERS, Counter};
 pub(crate) use even::{EvenRows, granularity};
 pub(crate) use sexagesimal::{Sexagesimal, may_be as may_be_sexagesimal};
 use zones::{Leap, Zones};

@@ -93,7 +93,8 @@ impl TableFile {
     ///
     /// # Errors
     /// Those of the file; [`io::ErrorKind::NotSeekable`] of a device, or of a pipe that nobody handed over;
-    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`], [`io::ErrorKind::InvalidData`] for what does not unpack.
+    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`], [`io::ErrorKind::InvalidData`] for what does not unpack,
+    /// [`io::ErrorKind::StorageFull`] for what needs more room than there is for scratch files.
     pub fn open(path: &Path) -> io::Result<TableFile> {
         let mut copy = None;
         let once = open_once(path)?;
@@ -122,9 +123,8 @@ impl TableFile {
                 Some(copy) => rewound(copy)?,
                 None => File::open(path)?,
             };
-            let bytes = packed.metadata()?.len();
             let scratch = tempfile::tempfile()?;
-            packing.unpack(packed, bytes, &scratch)?;
+            packing.unpack(packed, &scratch)?;
             table.copy = Some(scratch);
         }
         Ok(table)

@@ -4,6 +4,8 @@
 //! records, wherever the first of them stands) -> a log's beginning behind other bytes -> bytes that are no text. What is left is
 //! text, perhaps a table. Names of files say nothing: they are given by people.
 
+pub mod dataflash;
+pub mod mavlink;
 mod records;
 mod signatures;
 mod text;
