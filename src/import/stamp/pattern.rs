@@ -82,11 +82,13 @@ fn elapsed(text: &str, parts: usize) -> Option<Stamp> {
         let own: i128 = part.parse().ok().filter(|v| i == 0 || *v < 60)?;
         minutes = 60 * minutes + own;
     }
+    let ns = 60 * minutes * SECOND_NS + second_ns;
+    let turn_ns = if parts == 2 { HOUR_NS } else { DAY_NS };
     Some(Stamp::Clock {
-        ns: 60 * minutes * SECOND_NS + second_ns,
-        turn_ns: if parts == 2 { HOUR_NS } else { DAY_NS },
+        ns,
+        turn_ns,
         is_second_60: false,
-        is_beyond: true,
+        is_beyond: ns >= turn_ns,
     })
 }
 
