@@ -2,7 +2,8 @@
 //!
 //! `signatures` (containers and formats that begin with fixed bytes) -> `text` (formats that are text) -> `records` (autopilots'
 //! records, wherever the first of them stands) -> a log's beginning behind other bytes -> bytes that are no text. What is left is
-//! text, perhaps a table. Names of files say nothing: they are given by people.
+//! text, perhaps a table. Names of files say nothing: they are given by people. `dataflash` and `mavlink` hold the parts of those
+//! formats that reading them needs too.
 
 pub mod dataflash;
 pub mod mavlink;
