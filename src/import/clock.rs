@@ -6,15 +6,16 @@ use crate::layout::Layout;
 use crate::map::{Column, Map, TimeMap, TimeSource};
 use crate::number::{BadCells, exact, nanoseconds, number, ungrouped};
 use crate::stamp::{self, Instant, Pattern, SECOND_NS, Stamp};
+use crate::table::stated_unit;
 use crate::unit::{self, Dimension};
 
 mod boots;
 mod even;
 mod sexagesimal;
 mod zones;
-pub(crate) use boots::Boots;
+pub(crate) use boots::{Boots, COUNTERS, Counter};
 pub(crate) use even::{EvenRows, granularity};
-pub(crate) use sexagesimal::Sexagesimal;
+pub(crate) use sexagesimal::{Sexagesimal, may_be as may_be_sexagesimal};
 use zones::{Leap, Zones};
 
 /// Form of a row's time, with the columns' places.
@@ -24,6 +25,43 @@ enum Reading {
     Numbers(Vec<(usize, i128)>),
     Iso(Vec<usize>),
     Pattern(Vec<usize>, Pattern),
+}
+
+/// A clock without a date.
+#[derive(Clone, Copy)]
+struct ClockCell {
+    ns: i128,
+    /// After which it begins again from 0 \[ns\].
+    turn_ns: i128,
+    /// Its first number is beyond those of a clock.
+    is_beyond: bool,
+}
+
+impl ClockCell {
+    /// Largest step by which a clock comes to count on beyond its turn \[ns\]: one of its first number. A wrong digit of that number
+    /// adds at least so much to the step that there is.
+    fn largest_step_ns(self) -> i128 {
+        let parts = if self.turn_ns > 3600 * SECOND_NS {
+            24
+        } else {
+            60
+        };
+        self.turn_ns / parts
+    }
+
+    /// Whether it goes on from the row before, where its first number is beyond those of a clock: the first row of such may have any,
+    /// and one that was no step on is confirmed by the next that goes on from it.
+    fn goes_on(self, before: Option<ClockCell>) -> bool {
+        let Some(before) = before.filter(|_| self.is_beyond) else {
+            return true;
+        };
+        let most_ns = if before.is_beyond {
+            self.turn_ns / 2
+        } else {
+            self.largest_step_ns()
+        };
+        (0..=most_ns).contains(&(self.ns - before.ns))
+    }
 }
 
 /// Reads the time of one row after the other.
@@ -42,10 +80,13 @@ pub(crate) struct Clock {
     clock_turns: i128,
     last_of_turn: i128,
     turn_ns: i128,
+    /// The clock of the row before as it stands in the file, taken or not.
+    last_clock: Option<ClockCell>,
     beyond_bits: Option<u64>,
     zones: Zones,
     leap: Leap,
-    sexagesimal: Sexagesimal,
+    /// `None` = the numbers are of a unit in which no clock is written.
+    sexagesimal: Option<Sexagesimal>,
 }
 
 impl Clock {
@@ -76,6 +117,16 @@ impl Clock {
                 Reading::Pattern(places(columns)?, Pattern::new(&format)?)
             }
         };
+        let sexagesimal = match &reading {
+            Reading::Numbers(columns) => match columns[..] {
+                [(column, _)] => {
+                    let stated_s = stated_unit(layout, column, Dimension::Time).and_then(|s| s.1);
+                    may_be_sexagesimal(stated_s).then(Sexagesimal::default)
+                }
+                _ => None,
+            },
+            _ => None,
+        };
         Some(Clock {
             reading,
             decimal: map.file.decimal,
@@ -89,10 +140,11 @@ impl Clock {
             clock_turns: 0,
             last_of_turn: 0,
             turn_ns: 0,
+            last_clock: None,
             beyond_bits: None,
             zones: Zones::new(time.utc_offset_min),
             leap: Leap::default(),
-            sexagesimal: Sexagesimal::default(),
+            sexagesimal,
         })
     }
 
@@ -157,9 +209,10 @@ impl Clock {
             Reading::Numbers(columns) => {
                 let mut sum = self.epoch_ns;
                 if let [(column, unit_ns)] = columns[..]
+                    && let Some(watch) = &mut self.sexagesimal
                     && let Some(own) = number(&plain(bare(cells.get(column), unit_ns)), decimal)
                 {
-                    self.sexagesimal.row(own, line);
+                    watch.row(own, line);
                 }
                 for (column, unit_ns) in columns {
                     let cell = plain(bare(cells.get(*column), *unit_ns));
@@ -186,9 +239,19 @@ impl Clock {
                         ns,
                         turn_ns,
                         is_second_60,
+                        is_beyond,
                     } => {
-                        // A clock that goes back by half its turn or more has begun again.
-                        if self.last_of_turn - ns > turn_ns / 2 {
+                        let own = ClockCell {
+                            ns,
+                            turn_ns,
+                            is_beyond,
+                        };
+                        if !own.goes_on(self.last_clock.replace(own)) {
+                            return None;
+                        }
+                        // A clock that goes back by half its turn or more has begun again; one that counts on beyond it never does.
+                        let counted_on = self.last_of_turn > turn_ns;
+                        if !counted_on && self.last_of_turn - ns > turn_ns / 2 {
                             self.clock_turns += 1;
                         }
                         (self.last_of_turn, self.turn_ns) = (ns, turn_ns);
@@ -269,7 +332,7 @@ impl Clock {
                 format!("{what} {} time(s) and was continued", self.clock_turns),
             );
         }
-        if let Some(carry) = self.sexagesimal.carry() {
+        if let Some(carry) = self.sexagesimal.as_ref().and_then(Sexagesimal::carry) {
             findings.fault_at(
                 "sexagesimal_time",
                 Some(carry.line),

@@ -218,7 +218,9 @@ pub enum Separator {
 impl fmt::Display for Separator {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            // As a map writes it.
             Separator::Byte(b'\t') => write!(f, "\\t"),
+            Separator::Byte(b) if b.is_ascii_control() => write!(f, "\\u{b:04x}"),
             Separator::Byte(b) => write!(f, "{}", char::from(*b)),
             Separator::Blanks => write!(f, "blanks"),
         }

@@ -43,7 +43,7 @@ use hydroline_log::foreign::{self, Content};
 use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
 pub(crate) use packed_file::Packing;
-use packed_file::Unpacked;
+use packed_file::{Unpacked, unpacked_name};
 
 /// Name of what is broken in the file itself, in [`Unreadable::what`].
 pub(crate) const DAMAGED: &str = "damaged records";
@@ -126,24 +126,29 @@ pub struct Recording {
     topics: Vec<String>,
 }
 
-/// Files of a bag's folder in their order: `bag_2.mcap` before `bag_10.mcap`.
+/// A file's path without the ending of a packed file.
+fn unpacked_path(path: &Path) -> PathBuf {
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
+    path.with_file_name(unpacked_name(name))
+}
+
+/// Files of a bag's folder, packed or not, in their order: `bag_2.mcap` before `bag_10.mcap`.
 fn files_of(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
-        // Packed or not.
-        let name = name.strip_suffix(".zstd").unwrap_or(name);
+        let name = unpacked_name(name);
         if name.ends_with(".mcap") || name.ends_with(".db3") {
             files.push(path);
         }
     }
-    // A player may have left the unpacked file beside the packed one.
-    let all = files.clone();
-    files.retain(|p| {
-        p.extension().is_none_or(|e| e != "zstd") || !all.contains(&p.with_extension(""))
+    files.sort_by_key(|p| {
+        let unpacked = unpacked_path(p);
+        (unpacked.as_os_str().len(), unpacked, p.as_os_str().len())
     });
-    files.sort_by_key(|p| (p.as_os_str().len(), p.clone()));
+    // A player may have left the unpacked file beside the packed one.
+    files.dedup_by_key(|p| unpacked_path(p));
     Ok(files)
 }
 

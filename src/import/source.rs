@@ -93,7 +93,8 @@ impl TableFile {
     ///
     /// # Errors
     /// Those of the file; [`io::ErrorKind::NotSeekable`] of a device, or of a pipe that nobody handed over;
-    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`], [`io::ErrorKind::InvalidData`] for what does not unpack.
+    /// [`io::ErrorKind::FileTooLarge`] for a stream beyond [`STREAM_BYTES`], [`io::ErrorKind::InvalidData`] for what does not unpack,
+    /// [`io::ErrorKind::StorageFull`] for what needs more room than there is for scratch files.
     pub fn open(path: &Path) -> io::Result<TableFile> {
         let mut copy = None;
         let once = open_once(path)?;
@@ -122,9 +123,8 @@ impl TableFile {
                 Some(copy) => rewound(copy)?,
                 None => File::open(path)?,
             };
-            let bytes = packed.metadata()?.len();
             let scratch = tempfile::tempfile()?;
-            packing.unpack(packed, bytes, &scratch)?;
+            packing.unpack(packed, &scratch)?;
             table.copy = Some(scratch);
         }
         Ok(table)
@@ -150,7 +150,7 @@ impl TableFile {
     /// # Errors
     /// Those of the file.
     pub fn foreign(&self) -> io::Result<Option<Foreign>> {
-        Ok(Content::of(&self.head()?).foreign())
+        Ok(Content::of(&self.head()?).no_table())
     }
 }
 
@@ -174,6 +174,24 @@ impl Source for TableFile {
 mod tests {
     use super::*;
     use crate::{Map, survey};
+
+    #[test]
+    fn an_mcap_that_comes_as_a_stream_was_taken_for_a_table() {
+        use std::io::Write;
+        use std::os::fd::AsRawFd;
+        let log = b"\x89MCAP0\r\n\x01rest of a log".repeat(4);
+        let packed = zstd::bulk::compress(&log, 1).unwrap();
+        for bytes in [log, packed] {
+            let (reader, mut writer) = io::pipe().unwrap();
+            writer.write_all(&bytes).unwrap();
+            drop(writer);
+            let name = format!("/dev/fd/{}", reader.as_raw_fd());
+            let table = TableFile::open(Path::new(&name)).unwrap();
+            let found = table.foreign().unwrap().unwrap();
+            assert!(found.what.contains("MCAP"), "{found:?}");
+            assert!(found.next.contains("write it to a file"), "{found:?}");
+        }
+    }
 
     /// What was left of it was imported, with exit code 0.
     #[test]

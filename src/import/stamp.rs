@@ -1,5 +1,6 @@
 //! Stamps of dates and clocks: ISO 8601, and by a pattern.
 
+mod half_day;
 mod iso;
 mod pattern;
 
@@ -59,15 +60,23 @@ mod tests {
         );
         let noon = 12 * 3600 * SECOND_NS;
         let day = |ns| {
+            let turn_ns = 86_400 * SECOND_NS;
             Some(Stamp::Clock {
                 ns,
-                turn_ns: 86_400 * SECOND_NS,
+                turn_ns,
                 is_second_60: false,
+                is_beyond: ns >= turn_ns,
             })
         };
         assert_eq!(read("%I:%M:%S %p", "12:00:00 PM"), day(noon));
         // A narrow blank, as newer programs write it before AM and PM.
         assert_eq!(read("%I:%M:%S %p", "12:00:00\u{202f}PM"), day(noon));
+        for half in ["pm", "p.m.", "P.M.", "p.\u{a0}m."] {
+            let text = format!("12:00:00 {half}");
+            assert_eq!(read("%I:%M:%S %p", &text), day(noon), "{text}");
+        }
+        // A zone's name stands in no half of a day's place.
+        assert_eq!(read("%d.%m.%Y %H:%M:%S %Z", "05.03.2024 01:11:12 PM"), None);
         // Hours of a clock that runs on beyond a day; zeros that a spreadsheet dropped.
         assert_eq!(read("%H:%M:%S%.f", "36:00:00.0"), day(3 * noon));
         assert_eq!(
@@ -75,10 +84,12 @@ mod tests {
             day((9 * 3600 + 30 * 60 + 50) * SECOND_NS + 250_000_000)
         );
         let hour = |ns| {
+            let turn_ns = 3600 * SECOND_NS;
             Some(Stamp::Clock {
                 ns,
-                turn_ns: 3600 * SECOND_NS,
+                turn_ns,
                 is_second_60: false,
+                is_beyond: ns >= turn_ns,
             })
         };
         assert_eq!(
@@ -175,6 +186,9 @@ mod tests {
             "2020-366T12:00:00:00",
             "2021-366T12:00:00",
             "20200101120000",
+            "2020-09-13 01:26:40.5 PM",
+            "2020-09-13T01:26:40 am",
+            "2020-09-13 01:26:40 p.m.",
         ] {
             assert_eq!(parse(bad), None, "{bad}");
         }

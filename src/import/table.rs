@@ -15,7 +15,7 @@ use crate::map::{Map, PLACES};
 use crate::number::BadCells;
 use crate::rows::{Form, each_row};
 use crate::source::Source;
-pub(crate) use columns::Columns;
+pub(crate) use columns::{Columns, stated_unit};
 use taken::{HeldRow, Taken};
 
 /// Rows from which the rounding of the stamps is known.

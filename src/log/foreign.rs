@@ -2,8 +2,11 @@
 //!
 //! `signatures` (containers and formats that begin with fixed bytes) -> `text` (formats that are text) -> `records` (autopilots'
 //! records, wherever the first of them stands) -> a log's beginning behind other bytes -> bytes that are no text. What is left is
-//! text, perhaps a table. Names of files say nothing: they are given by people.
+//! text, perhaps a table. Names of files say nothing: they are given by people. `dataflash` and `mavlink` hold the parts of those
+//! formats that reading them needs too.
 
+pub mod dataflash;
+pub mod mavlink;
 mod records;
 mod signatures;
 mod text;
@@ -14,6 +17,7 @@ use std::path::Path;
 
 use super::LogError;
 pub use records::{dataflash_at, telemetry_at};
+pub use text::CONTROL_SEPARATORS;
 
 /// Bytes from a file's beginning in which its kind is looked for.
 pub const HEAD_BYTES: u64 = 1 << 16;
@@ -97,10 +101,11 @@ impl Content {
         if let Some(magic) = MAGICS.iter().find(|m| head.starts_with(m.bytes)) {
             return magic.content.clone();
         }
-        if let Some(other) = signatures::find(head).or_else(|| damaged_magic(head)) {
+        let is_text = text::is_text(head);
+        let of_bytes = || damaged_magic(head).filter(|_| !is_text);
+        if let Some(other) = signatures::find(head, is_text).or_else(of_bytes) {
             return Content::Other(other);
         }
-        let is_text = text::is_text(head);
         if is_text && let Some(other) = text::find(head) {
             return Content::Other(other);
         }
@@ -133,6 +138,18 @@ impl Content {
             Content::ULog => "a PX4 ULog (.ulg)",
         };
         Some(Foreign::new(what, IMPORT))
+    }
+
+    /// Kind and way on, where a table was expected; `None` = it may be one. A log that is a file is known before, so that an MCAP file
+    /// that is met here came as a stream.
+    pub fn no_table(self) -> Option<Foreign> {
+        match self {
+            Content::Mcap => Some(Foreign::new(
+                "an MCAP file that comes as a stream",
+                "a log is read more than once: write it to a file and name that, packed (gzip, zstd) or not",
+            )),
+            other => other.foreign(),
+        }
     }
 }
 

@@ -65,12 +65,17 @@ impl ImageKind {
     }
 }
 
+/// Whether messages of this schema and encoding hold images that are packed, as JPEGs are.
+pub fn holds_packed_images(schema: &str, encoding: &str) -> bool {
+    matches!(
+        ImageKind::of(schema, encoding),
+        Some(ImageKind::Compressed | ImageKind::RosCompressed)
+    )
+}
+
 /// Damage of the JPEG that a message of this schema and encoding holds; `None` = it holds none, or a whole one.
 pub fn image_damage(schema: &str, encoding: &str, data: &[u8]) -> Option<JpegDamage> {
-    let kind = ImageKind::of(schema, encoding)?;
-    if !matches!(kind, ImageKind::Compressed | ImageKind::RosCompressed) {
-        return None;
-    }
+    let kind = ImageKind::of(schema, encoding).filter(|_| holds_packed_images(schema, encoding))?;
     let Ok(ImageMessage::Compressed(image)) = kind.decode(Bytes::copy_from_slice(data)) else {
         return None;
     };

@@ -64,7 +64,9 @@ pub use closing::Closing;
 pub use entry::{Company, Entry};
 pub use expansion::FRAME_BYTES_KEY;
 pub use file_recorder::FileRecorder;
-pub use image_topics::{ImageTopic, ImageTopicError, image_damage, image_topic};
+pub use image_topics::{
+    ImageTopic, ImageTopicError, holds_packed_images, image_damage, image_topic,
+};
 pub use indexed::{IndexedLog, Place};
 pub use loss_account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
 pub use output::{FileOutput, LogOutput, NameLost, free_bytes};

@@ -8,7 +8,7 @@ use bytes::Bytes;
 use super::LogError;
 use super::indexed::declared_at_end;
 use super::records::{
-    self, ChannelRecord, ChunkRecord, Damage, MessageRecord, RecordFinder, SchemaRecord,
+    ChannelRecord, ChunkRecord, Damage, MessageRecord, RecordFinder, SchemaRecord,
 };
 use super::scan::{self, FileScan, Step};
 
@@ -123,36 +123,20 @@ impl RawReader {
         };
         self.skipped_bytes += next.map_or(0, |next| next.saturating_sub(offset));
         if let Some(chunk) = self.truncated.take() {
-            // All of the content is there when only a length was wrong: then its checksum must hold. A cut at the end of the file
-            // leaves a true beginning of what was written.
-            let whole = chunk.content.len() as u64 == chunk.content_bytes;
-            let content = match (whole, next) {
-                (true, _) => chunk.open().unwrap_or_default(),
-                (false, None) => chunk.decompress().0,
-                (false, Some(_)) => Bytes::new(),
-            };
-            self.salvaged = Some((offset, content));
+            self.salvaged = Some((offset, chunk.certain(next.is_some())));
         }
         LogError::damaged(&self.path, (offset, damage))
     }
 
-    /// The next message of a truncated chunk; the record in which its content ends is none.
-    fn next_salvaged(&mut self) -> Option<Result<RawMessage, LogError>> {
-        while let Some((offset, content)) = &mut self.salvaged {
-            let offset = *offset;
-            let Some(Ok((opcode, body))) = records::next_inner(content) else {
-                self.salvaged = None;
-                break;
-            };
-            let step = self.scan.data_record(offset, opcode, &body, true);
-            if let Ok(Some(Step::Message {
-                channel, message, ..
-            })) = step
-            {
-                return Some(Ok(self.message(offset, &channel, message)));
-            }
-        }
-        None
+    /// The next message of a truncated chunk.
+    fn next_salvaged(&mut self) -> Option<RawMessage> {
+        let (offset, content) = self.salvaged.as_mut()?;
+        let offset = *offset;
+        let Some((channel, message)) = self.scan.next_salvaged(offset, content) else {
+            self.salvaged = None;
+            return None;
+        };
+        Some(self.message(offset, &channel, message))
     }
 }
 
@@ -161,7 +145,7 @@ impl Iterator for RawReader {
 
     fn next(&mut self) -> Option<Self::Item> {
         if let Some(message) = self.next_salvaged() {
-            return Some(message);
+            return Some(Ok(message));
         }
         loop {
             match self.scan.next()? {

@@ -15,9 +15,9 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use bytes::Bytes;
 use hydroline_core::build_info::BuildInfo;
 use hydroline_rigs::bounded;
-use mcap::records::op;
 use serde::Serialize;
 
 use super::LogError;
@@ -26,7 +26,7 @@ use super::entry::Company;
 use super::indexed::declared_at_end;
 use super::part::MetadataMap;
 use super::reader::decode;
-use super::records::{self, ChunkRecord, RecordFinder};
+use super::records::{ChunkRecord, RecordFinder};
 use super::scan::{self, FileScan, Step};
 use super::seal::{SealFinding, SealState, sealed};
 use copy::{Copy, Digest};
@@ -143,6 +143,8 @@ fn copy_all(
     }
     let (mut damage, mut undecodable) = (Vec::new(), BTreeMap::<String, u64>::new());
     let (mut from_truncated, mut spoilt, mut info) = (0, false, None);
+    // Chunk that the file, or a wrong length, ends in: what it is shows with the damage that follows.
+    let mut truncated: Option<ChunkRecord> = None;
     let mut step = first;
     while let Some(now) = step {
         match now {
@@ -159,14 +161,17 @@ fn copy_all(
                 let map = scan.learnt.metadata.get(&name).cloned().unwrap_or_default();
                 copy.metadata(&name, map).map_err(out)?;
             }
-            Step::Truncated { chunk } => {
-                from_truncated += salvage(&chunk, &mut scan, &mut copy).map_err(out)?
-            }
+            Step::Truncated { chunk } => truncated = Some(chunk),
             Step::Damage { offset, damage: d } => {
                 spoilt |= scan.costs_data(&d);
                 damage.push((offset, d.to_string()));
                 let next = scan.go_on(&mut finder, offset, &d).map_err(&read)?;
                 spoilt |= next.is_some();
+                if let Some(chunk) = truncated.take() {
+                    let content = chunk.certain(next.is_some());
+                    from_truncated +=
+                        salvage(content, offset, &mut scan, &mut copy).map_err(out)?;
+                }
             }
         }
         step = scan.next();
@@ -236,53 +241,20 @@ fn copy_all(
     Ok((recovery, copy.digest.0.finalize()))
 }
 
-/// Copies the whole messages of a truncated chunk. A cut leaves a true prefix of what was written,
-/// compressed or not, so a record whose last byte is there is as it was; ours must decode, too.
+/// Copies the whole messages of a truncated chunk's content, and counts them: a record whose last byte is there is as it was;
+/// ours must decode, too.
 fn salvage(
-    chunk: &ChunkRecord,
+    mut content: Bytes,
+    offset: u64,
     scan: &mut FileScan,
     copy: &mut Copy,
 ) -> Result<u64, mcap::McapError> {
-    // All of the content is there when only a length was wrong: then its checksum must hold.
-    let whole = chunk.content.len() as u64 == chunk.content_bytes;
-    let mut content = match (whole, chunk.open()) {
-        (true, Ok(content)) => content,
-        (true, Err(_)) => return Ok(0),
-        (false, _) => chunk.decompress().0,
-    };
     let (mut info, mut salvaged) = (None, 0);
-    while let Some(Ok((opcode, body))) = records::next_inner(&mut content) {
-        match opcode {
-            op::SCHEMA => {
-                if let Ok(schema) = records::schema(&body) {
-                    scan.learnt.declared.add_schema(schema).ok();
-                }
-            }
-            op::CHANNEL => {
-                if let Ok(channel) = records::channel(&body) {
-                    scan.learnt.declared.add_channel(channel).ok();
-                }
-            }
-            op::MESSAGE => {
-                let Ok(message) = records::message(&body) else {
-                    continue;
-                };
-                let Some(channel) = scan
-                    .learnt
-                    .declared
-                    .channels
-                    .get(&message.channel_id)
-                    .cloned()
-                else {
-                    continue;
-                };
-                let schema = scan.learnt.declared.schema_name(&channel).to_owned();
-                if decode(&channel, &schema, message.clone(), &mut info).is_ok() {
-                    copy.message(scan, &channel, &message)?;
-                    salvaged += 1;
-                }
-            }
-            _ => {}
+    while let Some((channel, message)) = scan.next_salvaged(offset, &mut content) {
+        let schema = scan.learnt.declared.schema_name(&channel).to_owned();
+        if decode(&channel, &schema, message.clone(), &mut info).is_ok() {
+            copy.message(scan, &channel, &message)?;
+            salvaged += 1;
         }
     }
     Ok(salvaged)

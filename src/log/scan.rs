@@ -22,6 +22,7 @@ use super::records::{
 use super::seal::{self, SealFinding};
 
 mod onward;
+pub(crate) use onward::Spare;
 
 /// One step through a file.
 #[derive(Debug)]
@@ -93,8 +94,8 @@ pub(super) struct Scan<R> {
     behind_chunk: u64,
     /// Offset of the last message outside chunks.
     last_outside: Option<u64>,
-    /// Declarations of the summary, for messages whose own were in a chunk that is damaged.
-    spare: Declared,
+    /// Declarations of the summary, for messages whose own are damaged.
+    spare: Spare,
     /// Offset behind the data section.
     data_ended_at: u64,
     /// Offset at which reading went on behind damage: a checksum over the data section cannot be compared any more.
@@ -128,7 +129,7 @@ impl<R: BufRead> Scan<R> {
             ended_at: None,
             behind_chunk: 0,
             last_outside: None,
-            spare: Declared::default(),
+            spare: Spare::default(),
             data_ended_at: 0,
             jumped_to: None,
             counts_stand: true,
@@ -221,7 +222,7 @@ impl<R: BufRead> Scan<R> {
         if damage == Damage::JoinedLog {
             (self.done, self.past_data, self.cut) = (false, false, false);
             self.jumped_to = None;
-            self.spare = Declared::default();
+            self.spare = Spare::default();
             let learnt = &mut self.learnt;
             (learnt.declared, learnt.statistics) = (Declared::default(), None);
             (learnt.ended, learnt.joined) = (false, learnt.joined + 1);

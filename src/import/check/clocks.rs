@@ -1,6 +1,7 @@
 //! Findings about the stamps of a table.
 
 use super::{Finding, FindingList, quantile};
+use crate::clock::{COUNTERS, Counter};
 
 /// Stamps seen so far: steps back, repetitions, gaps and missing rows, with their counts.
 #[derive(Debug, Default)]
@@ -155,19 +156,11 @@ impl Clocks {
         } = self.back;
         if count > 0 {
             // Largest range of a counter that starts again from 0: its step back is 0.9 to 1 times that.
-            let turn = [
-                (32, 1e-6, "us"),
-                (32, 1e-3, "ms"),
-                (32, 1e-9, "ns"),
-                (16, 1e-3, "ms"),
-                (24, 1e-6, "us"),
-            ]
-            .into_iter()
-            .find(|(bits, unit_s, _)| {
-                let full_s = 2f64.powi(*bits) * unit_s;
+            let turn = COUNTERS.into_iter().find(|counter| {
+                let full_s = counter.full_ns() as f64 * 1e-9;
                 (0.9 * full_s..=full_s).contains(&step_s)
             });
-            let hint = turn.map_or(String::new(), |(bits, _, unit)| {
+            let hint = turn.map_or(String::new(), |Counter { bits, unit, .. }| {
                 format!(
                     "; a counter of {bits} bits in {unit} that starts again? [time] unwrap = {bits}; a clock that was started anew? boot = 2 takes the second run"
                 )

@@ -11,13 +11,37 @@ use crate::recorded::order::{BACK_NS, follows};
 const CONFIRMED_ROWS: usize = 8;
 /// Restarts that are named.
 const NAMED_MAX: usize = 8;
-/// Ranges of counters that start again from 0 by themselves: bits, and nanoseconds per count.
-const COUNTERS: [(u32, i128); 5] = [
-    (32, 1_000),
-    (32, 1_000_000),
-    (32, 1),
-    (16, 1_000_000),
-    (24, 1_000),
+/// A counter of a clock that starts again from 0 by itself.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Counter {
+    pub bits: u32,
+    /// Of one count.
+    pub unit: &'static str,
+    unit_ns: i128,
+}
+
+impl Counter {
+    /// Time after which it starts again \[ns\].
+    pub fn full_ns(self) -> i128 {
+        (1_i128 << self.bits) * self.unit_ns
+    }
+}
+
+const fn counter(bits: u32, unit: &'static str, unit_ns: i128) -> Counter {
+    Counter {
+        bits,
+        unit,
+        unit_ns,
+    }
+}
+
+/// Counters that instruments have, in the order in which they are tried.
+pub(crate) const COUNTERS: [Counter; 5] = [
+    counter(32, "us", 1_000),
+    counter(32, "ms", 1_000_000),
+    counter(32, "ns", 1),
+    counter(16, "ms", 1_000_000),
+    counter(24, "us", 1_000),
 ];
 
 /// A clock's new start.
@@ -62,8 +86,8 @@ pub(crate) struct Boots {
 
 /// Whether a counter that passed its end looks the same.
 fn is_turn(last_ns: i128, first_ns: i128) -> bool {
-    COUNTERS.iter().any(|(bits, unit_ns)| {
-        let full_ns = (1_i128 << bits) * unit_ns;
+    COUNTERS.iter().any(|counter| {
+        let full_ns = counter.full_ns();
         let tenth_ns = full_ns / 10;
         (full_ns - tenth_ns..=full_ns).contains(&last_ns) && (0..=tenth_ns).contains(&first_ns)
     })

@@ -2,7 +2,7 @@
 
 /// Digits behind the second that such a number has without a decimal sign: none, or milliseconds.
 const SCALES: [f64; 2] = [1.0, 1000.0];
-/// A step of so many usual ones is no usual one.
+/// A step of so many usual ones is no usual one, nor is a usual one that of so many.
 const STEPS: f64 = 2.0;
 /// No day has more hours.
 const HOURS: f64 = 24.0;
@@ -19,6 +19,12 @@ struct Reading {
     /// Steps that are usual for a clock and not for a count, and line and number of the first.
     carries: usize,
     first: Option<(u64, [f64; 2])>,
+}
+
+/// Whether numbers whose file states so many seconds for one may be clocks: hours that are written as one number are called
+/// seconds, if anything, and never parts of one.
+pub(crate) fn may_be(stated_s: Option<f64>) -> bool {
+    stated_s.is_none_or(|s| s >= 1.0)
 }
 
 /// Watches the numbers of a column of time.
@@ -93,9 +99,11 @@ impl Reading {
         let of_day_s = 3600.0 * hour + 60.0 * minute + second;
         if let Some((before, before_s)) = self.last {
             let (count_s, clock_s) = (clock - before, of_day_s - before_s);
+            // A clock goes on at the full minute as it did before: a count whose steps are some tens makes less of it.
+            let (least_s, most_s) = (self.usual_s / STEPS, STEPS * self.usual_s.max(1.0 / scale));
             if (count_s - clock_s).abs() < 1.0 {
                 self.usual_s = clock_s.abs();
-            } else if clock_s >= 0.0 && clock_s <= STEPS * self.usual_s.max(1.0 / scale) {
+            } else if clock_s >= least_s && clock_s <= most_s {
                 self.carries += 1;
                 self.first.get_or_insert((line, [before * scale, number]));
             }
@@ -140,6 +148,13 @@ mod tests {
         assert_eq!(carry((0..300).map(|k| 1e6 + f64::from(k))), None);
         let gap = |k: i32| 0.04 * f64::from(k) + if k > 300 { 65.0 } else { 0.0 };
         assert_eq!(carry((0..600).map(gap)), None);
+        // 20 Hz in milliseconds: 50, 100 is no step from second 50 to the full minute.
+        for step in [50.0, 51.0, 55.0, 50_000.0, 55_000.0] {
+            let count = |k: i32| step * f64::from(k);
+            for rows in 3..200 {
+                assert_eq!(carry((0..rows).map(count)), None, "{rows} of {step}");
+            }
+        }
         let whole_minutes = |k: i32| 0.04 * f64::from(k) + if k > 300 { 88.0 } else { 0.0 };
         assert_eq!(carry((0..600).map(whole_minutes)), None);
     }

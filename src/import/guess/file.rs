@@ -16,7 +16,9 @@ pub(super) fn write(file: &FileMap, draft: &mut Draft) {
     match file.separator {
         _ if !file.widths.is_empty() => {}
         None | Some(Separator::Byte(b',')) => {}
-        Some(Separator::Byte(b'\t')) => keys.push("separator = \"\\t\"".to_owned()),
+        Some(own @ Separator::Byte(b)) if b.is_ascii_control() => {
+            keys.push(format!("separator = \"{own}\""));
+        }
         Some(other) => keys.push(format!("separator = {}", quoted(&other.to_string()))),
     }
     if file.decimal != '.' {

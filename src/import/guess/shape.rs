@@ -1,5 +1,7 @@
 //! Places of names, units and data in a table of no known kind.
 
+use hydroline_log::foreign::CONTROL_SEPARATORS;
+
 use super::head::Head;
 use super::stats::Stats;
 use crate::cells::Splitter;
@@ -208,7 +210,10 @@ fn separator(lines: &[(u64, String)]) -> Option<(Separator, char)> {
         .take(ROWS_JUDGED)
         .collect();
     let mut best: Option<(f64, Separator, char)> = None;
-    for byte in [b',', b';', b'\t', b'|', b' '] {
+    for byte in [b',', b';', b'\t', b'|', b' ']
+        .into_iter()
+        .chain(CONTROL_SEPARATORS)
+    {
         for decimal in ['.', ','] {
             if byte == decimal as u8 {
                 continue;

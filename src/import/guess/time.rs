@@ -6,6 +6,7 @@ use super::meaning::written::{self, unit_text};
 use super::meaning::{Meaning, meaning};
 use super::shape::Shape;
 use super::stats::{Column, Stats};
+use crate::clock::may_be_sexagesimal;
 use crate::stamp::{self, Instant, Pattern, Stamp, Zone};
 use crate::unit::{self, Dimension};
 
@@ -393,7 +394,14 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
             shape.words(i)
         ));
     }
-    if let Some(carry) = column.clock.carry() {
+    let own = &shape.columns[i];
+    let written = own
+        .unit
+        .as_deref()
+        .or(Words::of(&own.name).unit)
+        .and_then(|u| unit::find(Dimension::Time, u));
+    let may_be_clock = may_be_sexagesimal(written.map(|u| u.factor));
+    if let Some(carry) = column.clock.carry().filter(|_| may_be_clock) {
         time.questions.push(format!(
             "{} is followed by {}: clocks as hhmmss, no count",
             carry.numbers[0], carry.numbers[1]
@@ -402,12 +410,6 @@ fn number(shape: &Shape, stats: &Stats, i: usize, is_named: bool) -> Time {
         time.interval_s = column.step;
         return time;
     }
-    let own = &shape.columns[i];
-    let written = own
-        .unit
-        .as_deref()
-        .or(Words::of(&own.name).unit)
-        .and_then(|u| unit::find(Dimension::Time, u));
     let (unit, factor) = match written {
         Some(u) if u.name == "s" && since_1904(column) => ("labview_s", 1.0),
         Some(u) => (u.name, u.factor),

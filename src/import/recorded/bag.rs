@@ -1,13 +1,15 @@
 //! A bag of ROS 2 as its recorder left it: the parts and counts of its `metadata.yaml`, held against what is there.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+
+use hydroline_rigs::bounded;
 
 mod numbering;
 
 use super::contents::is_topic;
+use super::packed_file::unpacked_name;
 use super::yaml::Yaml;
 use crate::check::Finding;
 use numbering::numbering;
@@ -32,7 +34,7 @@ struct Stated {
 /// The last part of a path, without the ending of a packed file.
 fn file_name(path: &str) -> &str {
     let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
-    name.strip_suffix(".zstd").unwrap_or(name)
+    unpacked_name(name)
 }
 
 impl Stated {
@@ -98,12 +100,16 @@ impl Bag {
             true => path.parent().unwrap_or(Path::new("")),
             false => path,
         };
-        let file = match File::open(folder.join(METADATA)) {
+        let account = folder.join(METADATA);
+        let file = match bounded::open(&account) {
             Ok(file) => file,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Bag::default()),
             // A file that is read by itself needs no other.
             Err(_) if single => return Ok(Bag::default()),
-            Err(error) => return Err(error),
+            Err(error) => {
+                let words = format!("{}: {error}", account.display());
+                return Err(io::Error::new(error.kind(), words));
+            }
         };
         let mut bytes = Vec::new();
         let read = file.take(METADATA_BYTES).read_to_end(&mut bytes);

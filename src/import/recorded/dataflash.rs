@@ -27,29 +27,10 @@ struct Format {
 
 /// Kind, elements and worth of a letter.
 fn letter(c: char) -> Option<(Kind, Option<usize>, f64)> {
-    let one = |kind| Some((kind, None, 1.0));
-    match c {
-        'a' => Some((Kind::I16, Some(32), 1.0)),
-        'b' => one(Kind::I8),
-        'B' | 'M' => one(Kind::U8),
-        'g' => one(Kind::F16),
-        'h' => one(Kind::I16),
-        'H' => one(Kind::U16),
-        'i' => one(Kind::I32),
-        'I' => one(Kind::U32),
-        'f' => one(Kind::F32),
-        'd' => one(Kind::F64),
-        'n' => one(Kind::Text(4)),
-        'N' => one(Kind::Text(16)),
-        'Z' => one(Kind::Text(64)),
-        'c' => Some((Kind::I16, None, 0.01)),
-        'C' => Some((Kind::U16, None, 0.01)),
-        'e' => Some((Kind::I32, None, 0.01)),
-        'E' => Some((Kind::U32, None, 0.01)),
-        'L' => Some((Kind::I32, None, 1.0e-7)),
-        'q' => one(Kind::I64),
-        'Q' => one(Kind::U64),
-        _ => None,
+    let own = foreign::dataflash::letter(u8::try_from(c).ok()?)?;
+    match (own.value, own.elements) {
+        ("text", bytes) => Some((Kind::Text(bytes?), None, own.scale)),
+        (name, elements) => Some((Kind::number(name)?, elements, own.scale)),
     }
 }
 
@@ -295,4 +276,20 @@ fn place_of(format: &Format, body: &[u8], name: &str) -> Option<i128> {
         at += field.bytes();
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_letter_by_which_a_log_is_known_is_read() {
+        for byte in foreign::dataflash::letters() {
+            assert!(letter(char::from(byte)).is_some(), "{}", char::from(byte));
+        }
+        assert_eq!(letter('L'), Some((Kind::I32, None, 1.0e-7)));
+        assert_eq!(letter('a'), Some((Kind::I16, Some(32), 1.0)));
+        assert_eq!(letter('Z'), Some((Kind::Text(64), None, 1.0)));
+        assert_eq!(letter('x'), None);
+    }
 }

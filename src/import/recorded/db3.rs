@@ -1,9 +1,10 @@
 //! ROS 2 bags in SQLite.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-use hydroline_log::image_damage;
+use hydroline_log::{holds_packed_images, image_damage};
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
@@ -18,6 +19,17 @@ const RECOVER: &str = "sqlite3 BAG.db3 .recover | sqlite3 NEW.db3";
 /// A message by itself, packed by rosbag2, unpacks to at most this.
 const UNPACKED_MAX: usize = 64 << 20;
 const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
+/// Bytes of a message, as they were before rosbag2 packed it by itself.
+fn unpacked(data: &[u8]) -> Result<Cow<'_, [u8]>, String> {
+    if !data.starts_with(&ZSTD_MAGIC) {
+        return Ok(Cow::Borrowed(data));
+    }
+    // Bounded by what the frame states and by the limit.
+    zstd::bulk::decompress(data, UNPACKED_MAX)
+        .map(Cow::Owned)
+        .map_err(|e| format!("it does not unpack: {e}"))
+}
 
 struct Topic {
     name: String,
@@ -129,29 +141,30 @@ impl Rows<'_> {
             self.damaged(id, || format!("row {id} holds no bytes"));
             return Ok(());
         };
-        if self.sink.checks_images()
+        let checks = self.sink.checks_images() && holds_packed_images(&topic.schema, "cdr");
+        let wants = self.sink.wants(&topic.name, &topic.schema, data.len());
+        let data = match checks || wants {
+            true => unpacked(data),
+            false => Ok(Cow::Borrowed(data)),
+        };
+        if checks
+            && let Ok(data) = &data
             && let Some(damage) = image_damage(&topic.schema, "cdr", data)
         {
             let what = format!("images of {}", topic.name);
             self.account.note(&what, id, || damage.to_string());
         }
-        if !self.sink.wants(&topic.name, &topic.schema, data.len()) {
-            self.sink.other(&topic.name, &topic.schema, log_ns);
-            return Ok(());
-        }
         self.leaves.clear();
-        let decoded = match &topic.layout {
-            Ok(layout) if data.starts_with(&ZSTD_MAGIC) => {
-                // Bounded by what the frame states and by the limit.
-                zstd::bulk::decompress(data, UNPACKED_MAX)
-                    .map_err(|e| format!("it does not unpack: {e}"))
-                    .and_then(|data| layout.decode(&data, &mut self.leaves))
-            }
-            Ok(layout) => layout.decode(data, &mut self.leaves),
+        let decoded = data.and_then(|data| match &topic.layout {
+            _ if !wants => Ok(()),
+            Ok(layout) => layout.decode(&data, &mut self.leaves),
             Err(why) => Err(why.clone()),
-        };
+        });
+        let is_lost = decoded.is_err();
         if let Err(reason) = decoded {
             self.account.undecoded(&topic.name, id, || reason);
+        }
+        if is_lost || !wants {
             self.sink.other(&topic.name, &topic.schema, log_ns);
             return Ok(());
         }

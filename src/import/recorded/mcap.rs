@@ -8,7 +8,7 @@ use prost_reflect::MessageDescriptor;
 
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::ros::Layout;
-use super::{json, protobuf, stamps};
+use super::{DAMAGED, json, protobuf, stamps};
 
 /// Decoder of a channel's messages.
 enum Decoder {
@@ -80,7 +80,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
                     hydroline_log::LogError::Damaged { offset, .. } => *offset,
                     _ => 0,
                 };
-                account.note("damaged records", at, || error.to_string());
+                account.note(DAMAGED, at, || error.to_string());
                 continue;
             }
         };

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 use std::io;
 use std::ops::Range;
 
+use super::DAMAGED;
+
 /// Numbers and texts that are kept of one message: images and clouds are no motion.
 const LEAVES_MAX: usize = 4096;
 /// Elements of one array that are kept.
@@ -211,8 +213,10 @@ pub(super) struct Account {
     pub messages: HashMap<String, u64>,
 }
 
-/// Kinds of damage that are distinguished.
+/// Kinds of messages that are distinguished; what is broken in the file itself always is.
 const KINDS_MAX: usize = 200;
+/// Name of all others together.
+const FURTHER: &str = "messages of further kinds";
 
 impl Account {
     pub fn note(&mut self, what: &str, at: u64, reason: impl FnOnce() -> String) {
@@ -235,9 +239,15 @@ impl Account {
     }
 
     fn add(&mut self, what: &str, topic: Option<&str>, at: u64, reason: impl FnOnce() -> String) {
+        let is_known = self.unreadable.iter().any(|u| u.what == what);
+        let is_distinguished = is_known || what == DAMAGED || self.unreadable.len() < KINDS_MAX;
+        let (what, topic) = match is_distinguished {
+            true => (what, topic),
+            false => (FURTHER, None),
+        };
         if let Some(u) = self.unreadable.iter_mut().find(|u| u.what == what) {
             u.count += 1;
-        } else if self.unreadable.len() < KINDS_MAX {
+        } else {
             self.unreadable.push(Unreadable {
                 what: what.to_owned(),
                 topic: topic.map(str::to_owned),
@@ -289,4 +299,27 @@ pub enum RecordedError {
         "its metadata.yaml names {parts}, and no such file is in the folder; copy the bag's files into it, or name one of them"
     )]
     NoParts { parts: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn damage_behind_two_hundred_kinds_of_messages_was_dropped() {
+        let mut account = Account::default();
+        for n in 0..KINDS_MAX + 50 {
+            account.note(&format!("messages of MAVLink number {n}"), 7, String::new);
+        }
+        account.note(DAMAGED, 900, || "a checksum".to_owned());
+        account.note(DAMAGED, 950, String::new);
+        account.note("messages of MAVLink number 3", 960, String::new);
+        let of = |what: &str| account.unreadable.iter().find(|u| u.what == what).unwrap();
+        let damage = of(DAMAGED);
+        assert_eq!((damage.count, damage.first_at), (2, 900));
+        assert_eq!(damage.reason, "a checksum");
+        assert_eq!(of("messages of MAVLink number 3").count, 2);
+        assert_eq!(of(FURTHER).count, 50);
+        assert_eq!(account.unreadable.len(), KINDS_MAX + 2);
+    }
 }

@@ -25,6 +25,24 @@ pub(super) enum Kind {
 }
 
 impl Kind {
+    /// A number by its usual name: `u8`, `i16`, `f32` ..
+    pub fn number(name: &str) -> Option<Kind> {
+        Some(match name {
+            "u8" => Kind::U8,
+            "i8" => Kind::I8,
+            "u16" => Kind::U16,
+            "i16" => Kind::I16,
+            "u32" => Kind::U32,
+            "i32" => Kind::I32,
+            "u64" => Kind::U64,
+            "i64" => Kind::I64,
+            "f16" => Kind::F16,
+            "f32" => Kind::F32,
+            "f64" => Kind::F64,
+            _ => return None,
+        })
+    }
+
     pub fn bytes(self) -> usize {
         match self {
             Kind::U8 | Kind::I8 => 1,

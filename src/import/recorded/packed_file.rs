@@ -5,15 +5,28 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
+use hydroline_log::foreign::{Content, HEAD_BYTES};
+use hydroline_log::free_bytes;
 use hydroline_rigs::bounded;
 
 use super::head::head;
 
-/// Largest unpacked size per packed byte, and an allowance for any file: no recording packs better, and a bomb does \[bytes\].
-const UNPACKED_PER_BYTE: u64 = 500;
-const UNPACKED_LEAST: u64 = 1 << 20;
+/// Share of the free disk space that is left to others, as one of so many parts. There is no other limit: black images shrink
+/// thousands of times, so that no ratio divides recordings from bombs.
+const LEFT_PART: u64 = 10;
 /// Bytes that tell how a file is packed.
 const MAGIC_BYTES: u64 = 4;
+
+/// Endings that packers put behind a file's name.
+const ENDINGS: [&str; 3] = [".zstd", ".zst", ".gz"];
+
+/// A file's name without the ending of a packed file.
+pub(super) fn unpacked_name(name: &str) -> &str {
+    ENDINGS
+        .iter()
+        .find_map(|ending| name.strip_suffix(*ending))
+        .unwrap_or(name)
+}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Packing {
@@ -33,40 +46,64 @@ impl Packing {
         }
     }
 
-    /// Unpacks what is `packed_bytes` long.
+    /// Unpacks a file into a scratch file: all of it, or of a kind that is not read the beginning, which names it.
     ///
     /// # Errors
-    /// The system's; [`io::ErrorKind::InvalidData`] of what is cut, damaged, or unpacks to more than any recording.
-    pub fn unpack(self, packed: File, packed_bytes: u64, out: &File) -> io::Result<()> {
-        let most = UNPACKED_LEAST + UNPACKED_PER_BYTE * packed_bytes;
+    /// The system's; [`io::ErrorKind::InvalidData`] of what is cut or damaged; [`io::ErrorKind::StorageFull`] of what needs more room
+    /// than there is for scratch files.
+    pub fn unpack(self, packed: File, out: &File) -> io::Result<()> {
+        let free = free_bytes(&std::env::temp_dir());
+        let most = free.map_or(u64::MAX, |free| free - free / LEFT_PART);
+        self.unpack_within(most, packed, out)
+    }
+
+    fn unpack_within(self, most: u64, packed: File, out: &File) -> io::Result<()> {
         let packed = BufReader::new(packed);
-        let reader: Box<dyn Read> = match self {
+        let mut reader: Box<dyn Read> = match self {
             Packing::Zstd => Box::new(zstd::Decoder::with_buffer(packed)?),
             Packing::Gzip => Box::new(flate2::bufread::MultiGzDecoder::new(packed)),
         };
+        let mut beginning = Vec::new();
+        reader
+            .by_ref()
+            .take(HEAD_BYTES)
+            .read_to_end(&mut beginning)
+            .map_err(not_unpacked)?;
         let mut out = BufWriter::new(out);
-        let copied = io::copy(&mut reader.take(most + 1), &mut out).map_err(|e| {
-            use io::ErrorKind as Kind;
-            match e.kind() {
-                Kind::UnexpectedEof | Kind::InvalidInput | Kind::InvalidData | Kind::Other => {
-                    invalid(format!("{e}: it is cut or damaged; fetch it anew"))
-                }
-                _ => e,
+        out.write_all(&beginning)?;
+        if !matches!(Content::of(&beginning), Content::Other(_)) {
+            let left = most.saturating_sub(beginning.len() as u64);
+            let mut rest = reader.take(left.saturating_add(1));
+            let copied = io::copy(&mut rest, &mut out).map_err(not_unpacked)?;
+            if copied > left {
+                return Err(no_room(most));
             }
-        })?;
-        if copied > most {
-            return Err(invalid(format!(
-                "to more than {UNPACKED_PER_BYTE} times its size ({most} bytes), which no recording does"
-            )));
         }
         out.flush()
     }
 }
 
-fn invalid(words: String) -> io::Error {
+/// The error of what does not unpack to its end; others as they are.
+fn not_unpacked(error: io::Error) -> io::Error {
+    use io::ErrorKind as Kind;
+    match error.kind() {
+        Kind::UnexpectedEof | Kind::InvalidInput | Kind::InvalidData | Kind::Other => {
+            io::Error::new(
+                Kind::InvalidData,
+                format!("it does not unpack: {error}: it is cut or damaged; fetch it anew"),
+            )
+        }
+        _ => error,
+    }
+}
+
+fn no_room(most: u64) -> io::Error {
     io::Error::new(
-        io::ErrorKind::InvalidData,
-        format!("it does not unpack: {words}"),
+        io::ErrorKind::StorageFull,
+        format!(
+            "it unpacks to more than {most} bytes, and no more may be written to {}: unpack it where there is room and name what comes out, or name a folder with room in TMPDIR",
+            std::env::temp_dir().display()
+        ),
     )
 }
 
@@ -100,9 +137,8 @@ impl Unpacked {
 
 fn unpacked(packing: Packing, path: &Path) -> io::Result<tempfile::TempPath> {
     let file = bounded::open(path)?;
-    let bytes = file.metadata()?.len();
     let scratch = tempfile::NamedTempFile::new()?;
-    packing.unpack(file, bytes, scratch.as_file())?;
+    packing.unpack(file, scratch.as_file())?;
     Ok(scratch.into_temp_path())
 }
 
@@ -123,11 +159,6 @@ mod tests {
         let path = made.files[0].clone();
         drop(made);
         assert!(!path.exists());
-        let bomb = dir.path().join("c.mcap.zstd");
-        let zeros = vec![0; 16 << 20];
-        std::fs::write(&bomb, zstd::bulk::compress(&zeros, 19).unwrap()).unwrap();
-        let error = Unpacked::of(vec![bomb]).unwrap_err().to_string();
-        assert!(error.contains("more than 500 times"), "{error}");
         let error = Unpacked::of(vec![cut]).unwrap_err();
         let words = error.to_string();
         assert!(words.contains("b.db3.zstd: it does not unpack"), "{words}");
@@ -152,9 +183,36 @@ mod tests {
         assert_eq!(std::fs::read(&made.files[0]).unwrap(), b"ULog and more");
         let error = Unpacked::of(vec![cut]).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData, "{error}");
-        let bomb = dir.path().join("c.gz");
-        std::fs::write(&bomb, gzip(&vec![0; 16 << 20])).unwrap();
-        let error = Unpacked::of(vec![bomb]).unwrap_err().to_string();
-        assert!(error.contains("more than 500 times"), "{error}");
+    }
+
+    #[test]
+    fn a_packed_recording_of_black_images_was_called_a_bomb() {
+        let dir = tempfile::tempdir().unwrap();
+        let black = [&b"\x89MCAP0\r\n"[..], &vec![0; 4 << 20]].concat();
+        let packed = zstd::bulk::compress(&black, 19).unwrap();
+        assert!(packed.len() * 2000 < black.len());
+        for (name, bytes) in [("a.mcap.zstd", packed), ("a.mcap.gz", gzip(&black))] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            let made = Unpacked::of(vec![path.clone()]).unwrap();
+            let unpacked = std::fs::read(&made.files[0]).unwrap();
+            assert!(unpacked == black, "{name}");
+            // Where there is no room it is said.
+            let packing = Packing::of(&head(&path, MAGIC_BYTES).unwrap()).unwrap();
+            let (file, scratch) = (File::open(&path).unwrap(), tempfile::tempfile().unwrap());
+            let error = packing.unpack_within(1 << 20, file, &scratch).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{error}");
+            assert!(error.to_string().contains("TMPDIR"), "{error}");
+        }
+    }
+
+    #[test]
+    fn of_a_kind_that_is_not_read_only_the_beginning_is_unpacked() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("bomb.gz");
+        std::fs::write(&path, gzip(&vec![0; 4 << 20])).unwrap();
+        let made = Unpacked::of(vec![path]).unwrap();
+        let unpacked = std::fs::metadata(&made.files[0]).unwrap();
+        assert_eq!(unpacked.len(), HEAD_BYTES);
     }
 }

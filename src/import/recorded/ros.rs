@@ -22,6 +22,11 @@ pub(super) fn known(name: &str) -> Option<Definition> {
 /// Bytes that may stand behind a message's last field: writers round its length up, to 8 at most.
 const PADDING_BYTES: usize = 7;
 
+/// Whether a message of that definition has fields.
+fn has_fields(definition: &Definition) -> bool {
+    definition.types.first().is_some_and(|own| !own.is_empty())
+}
+
 /// Layout of a topic's messages: as the log defines it, and as the usual messages of ROS 2 have it where its type is one of them.
 #[derive(Debug)]
 pub(super) struct Layout {
@@ -37,10 +42,15 @@ impl Layout {
                 // Types of others that were left out.
                 .or_else(|why| Definition::parse_with(name, text, KNOWN).map_err(|_| why))
         });
-        Layout {
-            own,
-            known: known(name),
-        }
+        let known = known(name);
+        // A small message would fit an empty definition: its bytes go for padding.
+        let is_left_out =
+            |own: &Definition| !has_fields(own) && known.as_ref().is_some_and(has_fields);
+        let own = own.and_then(|own| match is_left_out(&own) {
+            true => Err("its definition in the log is empty".to_owned()),
+            false => Ok(own),
+        });
+        Layout { own, known }
     }
 
     /// Decodes a message by the log's own definition, or, where that does not fit its bytes, by the usual one if that does.
@@ -64,7 +74,7 @@ impl Layout {
     fn by_own(&self, data: &[u8], leaves: &mut Leaves) -> Result<bool, String> {
         let definition = self.own.as_ref().map_err(Clone::clone)?;
         let behind = cdr::decode(definition, data, leaves)?;
-        if behind > PADDING_BYTES && definition.types.first().is_none_or(Vec::is_empty) {
+        if behind > PADDING_BYTES && !has_fields(definition) {
             return Err(
                 "its definition in the log is empty, and its type is none of the usual messages of ROS 2: record it with its definition, or convert the bag where its package is installed (`ros2 bag convert`)"
                     .to_owned(),
@@ -137,6 +147,24 @@ mod tests {
         // Of a type of one's own the usual ones that it contains are known.
         let own = "std_msgs/Header header\ngeometry_msgs/Point place\n";
         assert_eq!(x_of("my_msgs/msg/Place", Ok(own)), Ok(Some(1.5)));
+    }
+
+    #[test]
+    fn the_bytes_of_a_small_message_went_for_padding_where_its_definition_is_empty() {
+        for (name, value) in [
+            ("std_msgs/msg/Float64", &1.5_f64.to_le_bytes()[..]),
+            ("std_msgs/msg/Float32", &1.5_f32.to_le_bytes()),
+        ] {
+            let mut leaves = Leaves::default();
+            let message = [&[0, 1, 0, 0][..], value].concat();
+            let layout = Layout::of(name, Ok(""));
+            assert_eq!(layout.decode(&message, &mut leaves), Ok(()), "{name}");
+            let data = leaves.get("data").map(|n| n.to_string());
+            assert_eq!(data.as_deref(), Some("1.5"), "{name}");
+            // What does not fit is said.
+            let error = layout.decode(&message[..5], &mut leaves).unwrap_err();
+            assert!(error.contains("definition in the log is empty"), "{error}");
+        }
     }
 
     #[test]

@@ -5,18 +5,15 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use hydroline_log::foreign::mavlink::{PACKET_BYTES_MAX, STAMP_BYTES, frame, is_marker, stamp_us};
+
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
 use super::window::each_record;
 
 const TABLE: &str = include_str!("mavlink.tsv");
-const STAMP_BYTES: usize = 8;
-const SIGNED: u8 = 1;
-const SIGNATURE_BYTES: usize = 13;
 const CRC: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_MCRF4XX);
-/// Latest stamp, the year 2096 \[us\]. A computer without a clock begins in 1970.
-const STAMP_MAX_US: u64 = 4_000_000_000_000_000;
 
 struct Known {
     name: &'static str,
@@ -30,22 +27,7 @@ fn field(text: &str) -> Option<Field> {
     let count: usize = elements.parse().ok()?;
     let (kind, elements) = match kind {
         "c" => (Kind::Text(count.max(1)), None),
-        _ => {
-            let kind = match kind {
-                "u8" => Kind::U8,
-                "i8" => Kind::I8,
-                "u16" => Kind::U16,
-                "i16" => Kind::I16,
-                "u32" => Kind::U32,
-                "i32" => Kind::I32,
-                "u64" => Kind::U64,
-                "i64" => Kind::I64,
-                "f32" => Kind::F32,
-                "f64" => Kind::F64,
-                _ => return None,
-            };
-            (kind, (count > 0).then_some(count))
-        }
+        _ => (Kind::number(kind)?, (count > 0).then_some(count)),
     };
     Some(Field {
         name: name.to_owned(),
@@ -95,24 +77,13 @@ struct Packet<'a> {
 
 /// Packet at the beginning of these bytes, if they look like one.
 fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>> {
-    let time_us = u64::from_be_bytes(bytes.get(..STAMP_BYTES)?.try_into().ok()?);
+    let time_us = stamp_us(bytes)?;
     let own = &bytes[STAMP_BYTES..];
-    let length = *own.get(1)? as usize;
-    let (head, id, sender, signed) = match own.first()? {
-        0xfe => (6, u32::from(*own.get(5)?), 3, false),
-        0xfd => {
-            let id = own.get(7..10)?;
-            let id = u32::from(id[0]) | u32::from(id[1]) << 8 | u32::from(id[2]) << 16;
-            (10, id, 5, own[2] & SIGNED != 0)
-        }
-        _ => return None,
-    };
-    if time_us > STAMP_MAX_US {
-        return None;
-    }
-    let end = head + length;
+    let frame = frame(own)?;
+    let end = frame.payload.end;
     let stated = own.get(end..end + 2)?;
-    let bytes = STAMP_BYTES + end + 2 + if signed { SIGNATURE_BYTES } else { 0 };
+    let id = own[frame.id].iter().rev();
+    let id = id.fold(0, |id, byte| (id << 8) | u32::from(*byte));
     let sound = known.get(&id).map(|k| {
         let mut digest = CRC.digest();
         digest.update(&own[1..end]);
@@ -122,25 +93,19 @@ fn packet<'a>(bytes: &'a [u8], known: &HashMap<u32, Known>) -> Option<Packet<'a>
     Some(Packet {
         time_us,
         id,
-        system: own[sender],
-        component: own[sender + 1],
-        payload: &own[head..end],
-        bytes,
+        system: own[frame.sender],
+        component: own[frame.sender + 1],
+        payload: &own[frame.payload],
+        bytes: STAMP_BYTES + frame.bytes,
         sound,
     })
 }
 
 /// Whether bytes may begin a packet, as far as they go.
 fn may_begin(bytes: &[u8]) -> bool {
-    let Some((stamp, own)) = bytes.split_first_chunk::<STAMP_BYTES>() else {
-        return true;
-    };
-    let is_marker = own.first().is_none_or(|b| matches!(b, 0xfe | 0xfd));
-    is_marker && u64::from_be_bytes(*stamp) <= STAMP_MAX_US
+    let is_stamp = bytes.len() < STAMP_BYTES || stamp_us(bytes).is_some();
+    is_stamp && bytes.get(STAMP_BYTES).is_none_or(|b| is_marker(*b))
 }
-
-/// A packet of a later protocol: stamp, head, 255 bytes, checksum, signature.
-const PACKET_BYTES_MAX: usize = STAMP_BYTES + 10 + 255 + 2 + SIGNATURE_BYTES;
 
 pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, RecordedError> {
     let known = table();

@@ -105,6 +105,21 @@ fn a_ulog_with_incompatible_flags_that_are_not_known_is_refused() {
 }
 
 #[test]
+fn bytes_behind_damage_that_look_like_flags_refused_the_whole_ulog() {
+    let map = map("vehicle_local_position.x", "");
+    let whole = ulog(0, &stamps_us(61_000_000, ROWS), 0);
+    // Behind the rows 0 .. 149.
+    let at = whole.len() - 50 * ulog_record(b'D', &[0; 18]).len();
+    let chance = [&[0; 30][..], &ulog_record(b'B', &[0xff; 40])].concat();
+    let damaged = [&whole[..at], &chance, &whole[at..]].concat();
+    let data = table(&damaged, &map).unwrap();
+    assert_eq!(
+        (data.times_s.len(), faults(&data)),
+        (ROWS, vec!["damaged_records"])
+    );
+}
+
+#[test]
 fn data_of_a_ulog_that_are_shorter_than_their_format_are_said() {
     let map = map("vehicle_local_position.x", "");
     let stamps = stamps_us(61_000_000, ROWS);
@@ -300,7 +315,7 @@ fn what_is_packed_with_gzip_is_read_as_it_is_without() {
     assert_eq!(text, csv);
     assert_eq!(source.foreign().unwrap(), None);
     // What is packed is named, not the packing.
-    let (_dir, path) = file("run.csv", &packed(b"PAR1 and more"));
+    let (_dir, path) = file("run.csv", &packed(b"PAR1\x15\x04 and more"));
     let error = Recording::open(&path).unwrap_err().to_string();
     assert!(
         error.contains("Parquet") && error.contains("to_csv"),

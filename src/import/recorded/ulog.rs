@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use super::DAMAGED;
 use super::message::{Account, Leaves, Message, RecordedError, Sink};
 use super::packed::{self, Field, Kind};
 use super::stamps::counted;
@@ -212,7 +213,10 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         match kind {
             b'F' => learnt.format(body),
             b'A' => learnt.subscribe(body),
-            b'B' => return flags(body).map(|()| Ok(record.len())),
+            // They stand before everything else; behind damage bytes may look like them.
+            b'B' if at == FILE_HEAD_BYTES as u64 => {
+                return flags(body).map(|()| Ok(record.len()));
+            }
             b'O' => {
                 let lost_ms = body
                     .get(..2)
@@ -227,7 +231,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
             b'D' => data(body, &learnt, &mut leaves, sink)?,
             _ => Ok(()),
         }
-        .unwrap_or_else(|reason| account.note("damaged records", at, || reason));
+        .unwrap_or_else(|reason| account.note(DAMAGED, at, || reason));
         Ok(Ok(record.len()))
     })
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use hydroline_rigs::bounded;
 
+use super::DAMAGED;
 use super::message::{Account, RecordedError};
 
 const READ_BYTES: usize = 1 << 18;
@@ -83,7 +84,7 @@ pub(super) fn each_record(
             }
             Err(damage) => {
                 if !broken {
-                    account.note("damaged records", at, || damage(at));
+                    account.note(DAMAGED, at, || damage(at));
                 }
                 broken = true;
                 account.skipped_bytes += 1;

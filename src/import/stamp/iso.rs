@@ -2,6 +2,7 @@
 
 use chrono::{Days, NaiveDate, Weekday};
 
+use super::half_day::half_day;
 use super::{Instant, SECOND_NS, Zone};
 use crate::number::{ascii, exact, nanoseconds};
 
@@ -107,10 +108,13 @@ fn clock_parts(text: &str) -> Option<(u32, u32, i128)> {
         .then_some((digits(hour)?, digits(minute)?, second_ns))
 }
 
-/// The zone that a text is; `None` = it is none at all.
+/// The zone that a text is; `None` = it is none at all, as the half of a day behind a clock of twelve hours is.
 pub(crate) fn zone(text: &str) -> Option<Zone> {
     let text = ascii(text);
     let text = text.trim();
+    if half_day(text).is_some() {
+        return None;
+    }
     let upper = text.to_ascii_uppercase();
     let behind = ["UTC", "GMT", "UT", "Z"]
         .iter()

@@ -7,6 +7,7 @@ use chrono::format::{
     Fixed, Item, Parsed, StrftimeItems, parse as parse_items, parse_and_remainder,
 };
 
+use super::half_day::with_usual_half;
 use super::{Instant, SECOND_NS, Zone, zone};
 use crate::number::{ascii, exact, nanoseconds};
 
@@ -19,6 +20,8 @@ pub(crate) struct Pattern {
     items: Vec<Item<'static>>,
     /// Behind a zone's name; `None` = the pattern has none.
     behind_zone: Option<Vec<Item<'static>>>,
+    /// Whether it names the half of a day.
+    has_half_day: bool,
     /// Digits before the decimal sign where the whole pattern is `hhmmss`: written as a number it loses its zeros in front.
     hhmmss_digits: Option<usize>,
     /// Numbers between colons where the whole pattern is such a clock: its first may go beyond 23 or 59.
@@ -38,6 +41,8 @@ pub(crate) enum Stamp {
         turn_ns: i128,
         /// Whether its second is the sixtieth.
         is_second_60: bool,
+        /// Whether its first number is beyond those of a clock: time that counts on, or a wrong digit.
+        is_beyond: bool,
     },
 }
 
@@ -77,10 +82,13 @@ fn elapsed(text: &str, parts: usize) -> Option<Stamp> {
         let own: i128 = part.parse().ok().filter(|v| i == 0 || *v < 60)?;
         minutes = 60 * minutes + own;
     }
+    let ns = 60 * minutes * SECOND_NS + second_ns;
+    let turn_ns = if parts == 2 { HOUR_NS } else { DAY_NS };
     Some(Stamp::Clock {
-        ns: 60 * minutes * SECOND_NS + second_ns,
-        turn_ns: if parts == 2 { HOUR_NS } else { DAY_NS },
+        ns,
+        turn_ns,
         is_second_60: false,
+        is_beyond: ns >= turn_ns,
     })
 }
 
@@ -88,6 +96,8 @@ impl Pattern {
     /// `None` = no pattern.
     pub fn new(format: &str) -> Option<Pattern> {
         let mut items = StrftimeItems::new(format).parse_to_owned().ok()?;
+        let is_half = |i: &Item<'_>| matches!(i, Item::Fixed(Fixed::LowerAmPm | Fixed::UpperAmPm));
+        let has_half_day = items.iter().any(is_half);
         let is_name = |i: &Item<'_>| matches!(i, Item::Fixed(Fixed::TimezoneName));
         let behind_zone = items.iter().position(is_name).map(|at| {
             let behind = items.split_off(at + 1);
@@ -97,6 +107,7 @@ impl Pattern {
         Some(Pattern {
             items,
             behind_zone,
+            has_half_day,
             hhmmss_digits: hhmmss_digits(format),
             colon_parts: colon_parts(format),
         })
@@ -105,6 +116,11 @@ impl Pattern {
     pub fn parse(&self, text: &str) -> Option<Stamp> {
         let text = ascii(text);
         let mut text = Cow::Borrowed(text.trim());
+        if self.has_half_day
+            && let Some(usual) = with_usual_half(&text)
+        {
+            text = Cow::Owned(usual);
+        }
         if let Some(width) = self.hhmmss_digits {
             let whole = text.find('.').unwrap_or(text.len());
             if whole < width && text.starts_with(|c: char| c.is_ascii_digit()) {
@@ -172,6 +188,7 @@ impl Pattern {
             ns,
             turn_ns,
             is_second_60,
+            is_beyond: false,
         })
     }
 }

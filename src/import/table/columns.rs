@@ -81,7 +81,8 @@ impl<'a> Columns<'a> {
         if let TimeSource::Numbers(columns) = &map.time.source {
             for (column, unit_ns) in columns.iter().filter(|_| map.time.epoch_ns == 0) {
                 let place = layout.place(column, "time.column", &mut Vec::new());
-                let Some((text, stated)) = place.and_then(|p| stated(layout, p, Dimension::Time))
+                let Some((text, stated)) =
+                    place.and_then(|p| stated_unit(layout, p, Dimension::Time))
                 else {
                     continue;
                 };
@@ -96,7 +97,7 @@ impl<'a> Columns<'a> {
         }
         for (channel, place) in &self.channels {
             let dimension = dimension(channel.place);
-            let Some((text, stated)) = place.and_then(|p| stated(layout, p, dimension)) else {
+            let Some((text, stated)) = place.and_then(|p| stated_unit(layout, p, dimension)) else {
                 continue;
             };
             let name = place_name(channel.place);
@@ -155,7 +156,11 @@ fn same(a: f64, b: f64) -> bool {
 }
 
 /// Unit that the file states for a column: its text, and its factor if it is one of the dimension. `None` = nothing that is a unit.
-fn stated(layout: &Layout, place: usize, dimension: Dimension) -> Option<(&str, Option<f64>)> {
+pub(crate) fn stated_unit(
+    layout: &Layout,
+    place: usize,
+    dimension: Dimension,
+) -> Option<(&str, Option<f64>)> {
     let row = layout.units.get(place).map(String::as_str);
     let row = row
         .map(|u| unit::written(u).unwrap_or(u))

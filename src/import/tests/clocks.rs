@@ -168,6 +168,47 @@ fn clocks_of_minutes_and_seconds_go_on_over_the_hour() {
 }
 
 #[test]
+fn one_wrong_digit_in_a_clock_cost_the_rest_of_the_file() {
+    let spoilt = |format: &'static str, from: &'static str, to: &'static str| {
+        table("2026-05-04T01:11:02Z", move |_, t| {
+            t.format(format).to_string().replace(from, to)
+        })
+    };
+    for (format, text) in [
+        (
+            "%H:%M:%S%.f",
+            spoilt("%H:%M:%S%.3f", "01:11:12.000", "94:11:12.000"),
+        ),
+        // An hour beyond the clock's last is nearer than half a turn.
+        (
+            "%H:%M:%S%.f",
+            spoilt("23:%M:%S%.3f", "23:11:12.000", "24:11:12.000"),
+        ),
+        ("%M:%S%.f", spoilt("%M:%S%.3f", "11:12.000", "91:12.000")),
+    ] {
+        let found = by(&format!("format = \"{format}\""), &text);
+        let faults = kinds(&found, Severity::Fault);
+        assert_eq!(faults, ["not_a_number"], "{format}: {:?}", found.findings);
+        assert_eq!(found.times_s.len(), ROWS as usize - 1, "{format}");
+        assert!((found.times_s[400] - 0.04 * 401.0).abs() < 1e-6);
+    }
+    // A day ends at 24:00:00, where some begin the next.
+    let text = table("2026-05-03T23:59:50Z", |_, t| {
+        t.format("%H:%M:%S%.3f")
+            .to_string()
+            .replace("00:00:00.000", "24:00:00.000")
+    });
+    is_even(&by("format = \"%H:%M:%S%.f\"", &text), &[]);
+    // Behind a gap a clock that counts on loses one row.
+    let gap = table("2026-05-04T00:59:50Z", |k, t| {
+        let s = (t - at("2026-05-04T00:00:00Z")).num_milliseconds() + 120_000 * (k / 250);
+        format!("{:02}:{:02}.{:03}", s / 60_000, s / 1000 % 60, s % 1000)
+    });
+    let found = by("format = \"%M:%S%.f\"", &gap);
+    assert_eq!(found.times_s.len(), ROWS as usize - 1);
+}
+
+#[test]
 fn names_of_zones_are_refused_until_the_map_says_their_offset() {
     let text = table("2026-05-04T09:00:00Z", |_, t| {
         t.format("%Y-%m-%d %H:%M:%S%.3f CEST").to_string()
@@ -222,4 +263,50 @@ fn hhmmss_taken_for_seconds_is_a_fault_that_names_the_format() {
         "%3f"
     ));
     is_even(&by("format = \"%H%M%S%3f\"", &millis), &[]);
+}
+
+#[test]
+fn a_stamp_behind_noon_was_read_as_of_the_night_in_a_zone_called_pm() {
+    for (am, pm) in [
+        ("AM", "PM"),
+        ("am", "pm"),
+        ("a.m.", "p.m."),
+        ("A.M.", "P.M."),
+    ] {
+        let text = table("2026-05-04T11:59:50Z", |_, t| {
+            let own = t.format("%Y-%m-%d %I:%M:%S%.3f %p").to_string();
+            own.replace("AM", am).replace("PM", pm)
+        });
+        let found = crate::guess::guess(text.as_bytes()).unwrap().unwrap();
+        let format = "format = \"%Y-%m-%d %I:%M:%S%.f %p\"";
+        assert!(found.toml.contains(format), "{pm}: {}", found.toml);
+        let read = by(format, &text);
+        is_even(&read, &["time_zone_missing"]);
+        assert_eq!(read.start_ns, 1_777_895_990_000_000_000, "{pm}");
+        // By hours of a whole day it is no stamp.
+        let wrong = by(&format!("{ISO}\nutc_offset = \"Z\""), &text);
+        assert!(wrong.has_faults() && wrong.times_s.is_empty(), "{pm}");
+    }
+}
+
+#[test]
+fn an_even_count_of_milliseconds_was_called_a_clock_as_hhmmss() {
+    for (name, unit, step) in [("t", "ms", 50), ("t", "us", 50_000), ("t [ms]", "ms", 50)] {
+        let rows =
+            (0..100).map(|k| format!("{},{:.6}\n", step * k, 0.2 * (0.1 * f64::from(k)).sin()));
+        let text = format!("{name},x\n{}", rows.collect::<String>());
+        let found = crate::guess::guess(text.as_bytes()).unwrap().unwrap();
+        assert!(!found.toml.contains("format = "), "{name}: {}", found.toml);
+        let map = format!(
+            "[time]\ncolumn = \"{name}\"\nunit = \"{unit}\"\n[motion.x_m]\ncolumn = \"x\"\nunit = \"m\"\n"
+        );
+        let read = read(&text, &Map::from_toml(&map, "map.toml").unwrap());
+        assert_eq!(
+            kinds(&read, Severity::Fault),
+            Vec::<&str>::new(),
+            "{:?}",
+            read.findings
+        );
+        assert!((read.times_s[99] - 4.95).abs() < 1e-9);
+    }
 }

@@ -415,3 +415,17 @@ fn a_second_segment_of_a_labview_file_is_no_row_of_the_first() {
     .unwrap();
     assert!(!read(&format!("{first}{head}{}", rows()), &one).has_faults());
 }
+
+#[test]
+fn a_table_with_a_control_character_between_its_cells_is_guessed_and_read() {
+    for separator in ['\u{1f}', '\u{1}'] {
+        let text = format!("t{separator}x\n")
+            + &rows(|k, s| format!("{:.2}{separator}{s:.5}", 0.02 * k as f64));
+        let found = guessed(&text);
+        let key = format!("separator = \"\\u{:04x}\"", u32::from(separator));
+        assert!(has(&found, &key), "{key}: {}", found.toml);
+        let data = read(&text, &Map::from_toml(&found.toml, "m").unwrap());
+        assert!(!data.has_faults(), "{:?}", data.findings);
+        assert_eq!(data.times_s.len(), 300);
+    }
+}

@@ -553,3 +553,104 @@ fn a_bag_in_sqlite_that_is_cut_gives_the_rows_that_are_there() {
         "{error}"
     );
 }
+
+#[test]
+fn parts_that_are_packed_otherwise_than_rosbag2_packs_them_were_left_out_of_a_folder() {
+    use std::io::Write;
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = |n: usize| mcap_bytes(chunked(5000), 50 * n..50 * n + 50, &[loads(), poses(&pose)]);
+    let zstd = |n: usize| zstd::bulk::compress(&bytes(n), 1).unwrap();
+    let gzip = |n: usize| {
+        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        packer.write_all(&bytes(n)).unwrap();
+        packer.finish().unwrap()
+    };
+    written(&dir, "run_0.mcap", &bytes(0));
+    written(&dir, "run_1.mcap.zst", &zstd(1));
+    written(&dir, "run_2.mcap.gz", &gzip(2));
+    written(&dir, "run_3.mcap.zstd", &zstd(3));
+    // A player left the unpacked file beside the packed one.
+    written(&dir, "run_3.mcap", &bytes(3));
+    for account in [false, true] {
+        if account {
+            let text = "rosbag2_bagfile_information:\n  message_count: 400\n  relative_file_paths:\n    - run_0.mcap\n    - run_1.mcap.zstd\n    - run_2.mcap\n    - run_3.mcap.zstd\n";
+            written(&dir, "metadata.yaml", text.as_bytes());
+        }
+        let (findings, x) = imported(dir.path(), &both());
+        let all: Vec<f64> = (0..200).map(x_of).collect();
+        assert_eq!((faults(&findings), x), (Vec::new(), all), "{findings:?}");
+    }
+}
+
+#[test]
+fn a_pipe_named_as_a_bags_account_was_waited_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = mcap_bytes(chunked(5000), 0..50, &[loads(), poses(&pose)]);
+    let file = written(&dir, "run_0.mcap", &bytes);
+    let pipe = dir.path().join("metadata.yaml");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let (send, receive) = std::sync::mpsc::channel();
+    let folder = dir.path().to_owned();
+    // Whoever waits for the pipe waits in this thread.
+    std::thread::spawn(move || {
+        let rows = imported(&file, &both()).1.len();
+        let error = Recording::open(&folder).unwrap_err().to_string();
+        send.send((rows, error)).unwrap();
+    });
+    let waited = std::time::Duration::from_secs(20);
+    let (rows, error) = receive.recv_timeout(waited).unwrap();
+    assert_eq!(rows, 50);
+    assert!(
+        error.contains("metadata.yaml") && error.contains("a pipe"),
+        "{error}"
+    );
+}
+
+#[test]
+fn damaged_jpegs_of_a_bag_whose_messages_are_packed_one_by_one_were_not_seen() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.db3");
+    db3(&path, 20, pose);
+    let bag = rusqlite::Connection::open(&path).unwrap();
+    bag.execute_batch("INSERT INTO topics VALUES(3,'/camera','sensor_msgs/msg/CompressedImage','cdr',''); CREATE TABLE message_definitions(topic_type TEXT,encoding TEXT,encoded_message_definition TEXT)").unwrap();
+    let definition = "std_msgs/Header header\nstring format\nuint8[] data\n";
+    bag.execute(
+        "INSERT INTO message_definitions VALUES('sensor_msgs/msg/CompressedImage','ros2msg',?)",
+        [definition],
+    )
+    .unwrap();
+    // A JPEG of which only the beginning is there, behind stamp, frame and format.
+    let image = |k: usize| {
+        let mut b = pose(k)[..20].to_vec();
+        b.extend(5u32.to_le_bytes());
+        b.extend(b"jpeg\0\0\0\0");
+        b.extend(4u32.to_le_bytes());
+        b.extend(b"\xff\xd8\xff\xdb");
+        b
+    };
+    let mut insert = bag
+        .prepare("INSERT INTO messages(topic_id,timestamp,data) VALUES(3,?,?)")
+        .unwrap();
+    for k in 0..20 {
+        let packed = zstd::bulk::compress(&image(k), 1).unwrap();
+        // Two that do not unpack.
+        let packed = if k < 18 { &packed[..] } else { &packed[..9] };
+        insert
+            .execute(((T0_NS + STEP_NS * k as u64) as i64, packed))
+            .unwrap();
+    }
+    drop(insert);
+    drop(bag);
+    let recording = Recording::open(&path).unwrap().unwrap();
+    let unreadable = &recording.contents().unreadable;
+    let of = |what: &str| unreadable.iter().find(|u| u.what == what).map(|u| u.count);
+    assert_eq!(of("images of /camera"), Some(18), "{unreadable:?}");
+    assert_eq!(of("messages of /camera"), Some(2), "{unreadable:?}");
+    let (findings, x) = imported(&path, &both());
+    assert_eq!((faults(&findings), x.len()), (Vec::new(), 20));
+    assert!(
+        findings.iter().any(|f| f.kind == "damaged_images"),
+        "{findings:?}"
+    );
+}

@@ -1,21 +1,15 @@
 //! Records of autopilots, which may begin behind other bytes: formats of DataFlash, packets of MAVLink.
 
-use super::Foreign;
+use super::mavlink::{STAMP_BYTES, frame, stamp_us};
+use super::{Foreign, dataflash};
 
 /// Head of a DataFlash record that states a format, and its length.
 const FORMAT_HEAD: [u8; 3] = [0xa3, 0x95, 0x80];
 const FORMAT_BYTES: usize = 89;
-/// Letters of the fields' types.
-const LETTERS: &[u8] = b"abBMghHiIfdnNZcCeELqQ";
 /// Records without any format that make a DataFlash log: by chance 64 kB hold one head or two.
 const HEADLESS_LEAST: usize = 16;
 /// Packets in a row that are no chance.
 const PACKETS_LEAST: usize = 4;
-/// Latest stamp of a packet, the year 2096 \[us\].
-const STAMP_MAX_US: u64 = 4_000_000_000_000_000;
-const STAMP_BYTES: usize = 8;
-const SIGNED: u8 = 1;
-const SIGNATURE_BYTES: usize = 13;
 
 fn is_format(record: &[u8]) -> bool {
     let Some(own) = record.get(..FORMAT_BYTES) else {
@@ -29,7 +23,7 @@ fn is_format(record: &[u8]) -> bool {
     own.starts_with(&FORMAT_HEAD)
         && own[4] > 3
         && ends(name, &|b| b.is_ascii_alphanumeric() || *b == b'_')
-        && ends(letters, &|b| LETTERS.contains(b))
+        && ends(letters, &|b| dataflash::letter(*b).is_some())
 }
 
 /// Place of the first DataFlash record that states a format.
@@ -39,27 +33,13 @@ pub fn dataflash_at(head: &[u8]) -> Option<usize> {
 
 /// Bytes of a MAVLink packet by its head.
 fn packet_bytes(bytes: &[u8]) -> Option<usize> {
-    let (marker, length) = (*bytes.first()?, usize::from(*bytes.get(1)?));
-    match marker {
-        0xfe => Some(6 + length + 2),
-        0xfd => {
-            let flags = *bytes.get(2)?;
-            let signature = if flags & SIGNED == 0 {
-                0
-            } else {
-                SIGNATURE_BYTES
-            };
-            (flags <= SIGNED).then_some(10 + length + 2 + signature)
-        }
-        _ => None,
-    }
+    frame(bytes).map(|f| f.bytes)
 }
 
 /// The same with the stamp before it.
 fn stamped_bytes(bytes: &[u8]) -> Option<usize> {
-    let (stamp, own) = bytes.split_at_checked(STAMP_BYTES)?;
-    let stamp_us = u64::from_be_bytes(stamp.try_into().ok()?);
-    (stamp_us < STAMP_MAX_US).then_some(STAMP_BYTES + packet_bytes(own)?)
+    stamp_us(bytes)?;
+    Some(STAMP_BYTES + packet_bytes(&bytes[STAMP_BYTES..])?)
 }
 
 /// Whether packets follow each other from a place on, `least` of them or up to the end.

@@ -1,6 +1,7 @@
 //! Formats that begin with fixed bytes, in the order in which they are asked.
 
 use super::Foreign;
+use super::text::CONTROL_SEPARATORS;
 
 /// Ways to a table that several formats share.
 const SHEET: &str =
@@ -105,11 +106,6 @@ const FIRST: &[(&[u8], &str, &str)] = &[
         "unpack it: `unzstd FILE`",
     ),
     (
-        b"BZh",
-        "packed with bzip2 (.bz2)",
-        "unpack it: `bunzip2 -k FILE`",
-    ),
-    (
         b"\xfd7zXZ\0",
         "packed with xz (.xz)",
         "unpack it: `unxz -k FILE`",
@@ -123,13 +119,28 @@ const FIRST: &[(&[u8], &str, &str)] = &[
     (b"Rar!\x1a\x07", "an archive of RAR (.rar)", UNPACK),
 ];
 
-/// Kind of a file that begins with fixed bytes.
-pub(super) fn find(head: &[u8]) -> Option<Foreign> {
-    let first = FIRST.iter().find(|f| head.starts_with(f.0));
+/// Bytes behind a signature of which one is no text's in every format that is short enough to pass for text as a whole.
+const BEHIND_BYTES: usize = 8;
+
+/// Whether a file begins with a signature. One of letters and digits may be the name of a table's first column: then the file is no
+/// text as a whole, or a byte that no table has stands soon behind it.
+fn begins(head: &[u8], is_text: bool, signature: &[u8]) -> bool {
+    let is_name = signature.iter().all(u8::is_ascii_alphanumeric);
+    let in_no_table = |b: &u8| {
+        b.is_ascii_control() && !matches!(b, b'\t'..=b'\r') && !CONTROL_SEPARATORS.contains(b)
+    };
+    let behind = |rest: &[u8]| rest.iter().take(BEHIND_BYTES).any(in_no_table);
+    head.strip_prefix(signature)
+        .is_some_and(|rest| !is_name || !is_text || behind(rest))
+}
+
+/// Kind of a file that begins with fixed bytes; `is_text` = as a whole it may be text.
+pub(super) fn find(head: &[u8], is_text: bool) -> Option<Foreign> {
+    let first = FIRST.iter().find(|f| begins(head, is_text, f.0));
     let (what, next) = first
-        .filter(|f| f.0 != b"BZh" || head.get(3).is_some_and(|b| (b'1'..=b'9').contains(b)))
         .map(|f| (f.1, f.2))
-        .or_else(|| rerun(head))
+        .or_else(|| bzip2(head))
+        .or_else(|| rerun(head, is_text))
         .or_else(|| zip(head))
         .or_else(|| riff(head))
         .or_else(|| further_in(head))
@@ -140,8 +151,19 @@ pub(super) fn find(head: &[u8]) -> Option<Foreign> {
 
 type Known = (&'static str, &'static str);
 
-fn rerun(head: &[u8]) -> Option<Known> {
-    let is_one = head.starts_with(b"RRF") && head.get(3).is_some_and(u8::is_ascii_digit);
+/// Bzip2: behind the size of its blocks stand the digits of pi, in an empty file those of its square root.
+fn bzip2(head: &[u8]) -> Option<Known> {
+    let (size, rest) = head.strip_prefix(b"BZh")?.split_first()?;
+    let is_one = (b'1'..=b'9').contains(size)
+        && (rest.starts_with(b"1AY&SY") || rest.starts_with(b"\x17\x72\x45\x38\x50\x90"));
+    is_one.then_some(("packed with bzip2 (.bz2)", "unpack it: `bunzip2 -k FILE`"))
+}
+
+fn rerun(head: &[u8], is_text: bool) -> Option<Known> {
+    let signature = head.get(..4)?;
+    let is_one = signature.starts_with(b"RRF")
+        && signature[3].is_ascii_digit()
+        && begins(head, is_text, signature);
     is_one.then_some((
         "a recording of Rerun (.rrd)",
         "write the entities that you need as a table (Rerun's guide \"Export the dataframe\", then pandas' to_csv) and import that, or import what Rerun was given: MCAP is read",
@@ -196,7 +218,8 @@ fn further_in(head: &[u8]) -> Option<Known> {
     if places.iter().any(|p| at(*p, b"\x89HDF\r\n\x1a\n")) {
         return Some(("an HDF5 file (.h5, .hdf5, .nc)", HDF5));
     }
-    at(4, b"ftyp").then_some(("a video (.mp4, .mov)", VIDEO))
+    // Before it stands the size of the first box, of 4 bytes: the first of them is 0.
+    (at(0, b"\0") && at(4, b"ftyp")).then_some(("a video (.mp4, .mov)", VIDEO))
 }
 
 /// Python's pickle of protocol 2 to 5.

@@ -80,6 +80,10 @@ fn every_foreign_format_is_named_with_the_way_on() {
         (&c3d, ".c3d", "export"),
         (&tar, ".tar", "unpack"),
         (b"\x1f\x8b\x08\0\0\0", "gzip", "gunzip"),
+        (b"BZh91AY&SY\x9a\x2c", "bzip2", "bunzip2"),
+        (b"ARROW1\0\0\xff\xff\xff\xff", "Arrow", "to_csv"),
+        (b"FEA1\0\0\0\0", "Feather", "to_csv"),
+        (b"\0\0\0\x18ftypmp42", "video", "ffmpeg"),
         (b"{\"t\": [0.1, 0.2]}", "JSON", "to_csv"),
         (b"[{\"t\": 0.1}]", "JSON", "to_csv"),
         (b"[[0.1, 0.2], [0.2, 0.3]]", "JSON", "to_csv"),
@@ -129,12 +133,47 @@ fn tables_are_text_whatever_their_first_cell_is() {
         b"#ROSBAG, t, x\n",
         b"FMT, t, x\n1,2,3\n",
         b"MDF,x\n",
+        b"PAR1,x\n0,1\n",
+        b"TDSm_t;x\n0;1\n",
+        b"FEA1\tx\n0\t1\n",
+        b"ARROW1 x\n0 1\n",
+        b"BZh1,x\n0,1\n",
+        b"RRF2,x\n0,1\n",
+        b"ULog_v5,x\n0,1\n",
+        b"t,x,ftyp\n0,1,2\n",
+        b"PAR1\x1fx\n0\x1f1\n",
         b"Zeit;H\xf6he\n1;2\n",
         b"t\tx\r\n\x1b[2J\t1\r\n",
         &utf16,
         &zeros,
     ] {
         assert_eq!(Content::of(head), Content::Text, "{}", what(head));
+    }
+}
+
+#[test]
+fn a_table_separated_by_control_characters_was_refused_as_binary() {
+    for separator in CONTROL_SEPARATORS {
+        let between = char::from(separator).to_string();
+        let between = between.as_str();
+        let row = |k: usize| {
+            [k, k + 1, k + 2, k + 3]
+                .map(|n| n.to_string())
+                .join(between)
+                + "\n"
+        };
+        let text =
+            ["t", "x", "y", "z"].join(between) + "\n" + &(0..50).map(row).collect::<String>();
+        for head in [&text[..], &text[..40], &format!("# notes\n{text}")] {
+            assert_eq!(
+                Content::of(head.as_bytes()),
+                Content::Text,
+                "{separator:#x}"
+            );
+        }
+        // What is no line is no table.
+        let bare = text.replace('\n', between);
+        assert!(what(bare.as_bytes()).contains("no kind that is known"));
     }
 }
 

@@ -5,6 +5,11 @@ use super::Foreign;
 /// Share of control characters from which a file is no text: random or packed bytes have a tenth, tables none but where a
 /// disk damaged them.
 const CONTROLS_MAX: f64 = 0.03;
+/// Control characters that stand between the cells of tables: start of heading (as Hive writes it), file, group, record and unit
+/// separator.
+pub const CONTROL_SEPARATORS: [u8; 5] = [0x01, 0x1c, 0x1d, 0x1e, 0x1f];
+/// Lines that hold equally many of a separator before it is one.
+const EQUAL_LINES_LEAST: usize = 2;
 /// Bytes that tell whether text is one of UTF-16.
 const JUDGED_BYTES: usize = 512;
 /// Characters in which a format's first words stand.
@@ -31,22 +36,39 @@ fn utf16_zeros(head: &[u8]) -> Option<usize> {
     })
 }
 
-/// Whether the bytes may be text, of whatever encoding.
-pub(super) fn is_text(head: &[u8]) -> bool {
-    if utf16_zeros(head).is_some() {
-        return true;
-    }
+/// The control character that stands between the cells of a table: equally often in half of the lines and more.
+fn control_separator(head: &[u8]) -> Option<u8> {
+    CONTROL_SEPARATORS.into_iter().find(|separator| {
+        let lines = head.split(|b| *b == b'\n').filter(|l| !l.is_empty());
+        let count = |line: &[u8]| line.iter().filter(|b| *b == separator).count();
+        let mut counts: Vec<usize> = lines.map(count).collect();
+        counts.sort_unstable();
+        let equal = counts.chunk_by(|a, b| a == b).filter(|own| own[0] > 0);
+        let most = equal.map(<[usize]>::len).max().unwrap_or(0);
+        most >= EQUAL_LINES_LEAST && 2 * most >= counts.len()
+    })
+}
+
+/// Whether few enough bytes are control characters, but for one that separates cells.
+fn has_few_controls(head: &[u8], separator: Option<u8>) -> bool {
     let (mut all, mut controls, mut before) = (0_usize, 0_usize, 1);
     for b in head {
         // A run of zeros counts once: a disk that lost its power leaves them in a table too.
         if *b != 0 || before != 0 {
             all += 1;
             let is_control = *b < b' ' && !matches!(b, b'\t'..=b'\r' | 0x1a | 0x1b);
-            controls += usize::from(is_control || *b == 0x7f);
+            controls += usize::from((is_control || *b == 0x7f) && Some(*b) != separator);
         }
         before = *b;
     }
     controls as f64 <= CONTROLS_MAX * all as f64
+}
+
+/// Whether the bytes may be text, of whatever encoding.
+pub(super) fn is_text(head: &[u8]) -> bool {
+    utf16_zeros(head).is_some()
+        || has_few_controls(head, None)
+        || control_separator(head).is_some_and(|own| has_few_controls(head, Some(own)))
 }
 
 /// The first characters, without byte order mark and blanks; what is not ASCII is left out.

@@ -16,7 +16,7 @@ use super::Place;
 use crate::LogError;
 use crate::part::MetadataMap;
 use crate::records::{self, Damage, Declared, LIMIT_BYTES, PREFIX_BYTES};
-use crate::scan::{self, Step};
+use crate::scan::{self, Spare, Step};
 
 /// Footer and magic at the end of a file.
 const TAIL_BYTES: u64 = PREFIX_BYTES + 20 + 8;
@@ -130,23 +130,31 @@ fn summary_section(file: &File) -> Result<Option<(u64, Bytes)>, Damage> {
     Ok(Some((start, section)))
 }
 
-/// Schemas and channels that a sound summary repeats; none without one.
-pub(crate) fn declared_at_end(file: &File) -> Declared {
-    let mut declared = Declared::default();
+/// Schemas and channels that a sound summary repeats, and whether it counts no chunk; none without one.
+pub(crate) fn declared_at_end(file: &File) -> Spare {
+    let mut spare = Spare::default();
     let Ok(Some((_, mut section))) = summary_section(file) else {
-        return declared;
+        return spare;
     };
+    let declared = &mut spare.declared;
+    let (mut chunks, mut indexed) = (None, false);
     while let Some(Ok((opcode, body))) = records::next_inner(&mut section) {
         let taken = match opcode {
             op::SCHEMA => records::schema(&body).and_then(|s| declared.add_schema(s)),
             op::CHANNEL => records::channel(&body).and_then(|c| declared.add_channel(c)),
+            op::STATISTICS => records::statistics(&body).map(|s| chunks = Some(s.chunks)),
+            op::CHUNK_INDEX => {
+                indexed = true;
+                Ok(())
+            }
             _ => Ok(()),
         };
         if taken.is_err() {
-            return Declared::default();
+            return Spare::default();
         }
     }
-    declared
+    spare.is_without_chunks = chunks == Some(0) && !indexed;
+    spare
 }
 
 /// Contents by the summary; `None` = there is none, or not of everything.

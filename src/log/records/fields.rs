@@ -354,6 +354,18 @@ impl ChunkRecord {
         (got? as u64 == declared).then(|| Bytes::from(out))
     }
 
+    /// Content of a chunk whose record does not end, as far as it is certain; `goes_on` = a sound record was found behind it. All of it
+    /// is there when only a length was wrong: then its checksum must hold. A cut at the end of the file leaves a true beginning of
+    /// what was written; what is followed by others is none.
+    pub fn certain(&self, goes_on: bool) -> Bytes {
+        let is_whole = self.content.len() as u64 == self.content_bytes;
+        match (is_whole, goes_on) {
+            (true, _) => self.open().unwrap_or_default(),
+            (false, false) => self.decompress().0,
+            (false, true) => Bytes::new(),
+        }
+    }
+
     /// As much of the content as can be had, unchecked, and what stopped it.
     pub fn decompress(&self) -> (Bytes, Option<Damage>) {
         let declared = self.uncompressed_bytes;

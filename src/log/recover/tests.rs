@@ -35,6 +35,31 @@ fn foreign(options: mcap::WriteOptions) -> Vec<u8> {
     writer.into_inner().into_inner()
 }
 
+/// 200 messages of each of two topics in turn, outside chunks.
+fn two_topics(options: mcap::WriteOptions) -> Vec<u8> {
+    let options = options.use_chunks(false);
+    let mut writer = options.create(Cursor::new(Vec::new())).unwrap();
+    let schema = writer.add_schema("a/B", "ros2msg", b"float64 x").unwrap();
+    let none = Default::default();
+    let channels = ["/a", "/b"].map(|topic| {
+        let added = writer.add_channel(schema, topic, "cdr", &none);
+        added.unwrap()
+    });
+    for k in 0..200 {
+        for channel_id in channels {
+            let header = mcap::records::MessageHeader {
+                channel_id,
+                sequence: k,
+                log_time: u64::from(k),
+                publish_time: u64::from(k),
+            };
+            writer.write_to_known_channel(&header, &[7; 20]).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    writer.into_inner().into_inner()
+}
+
 fn without_checksums() -> mcap::WriteOptions {
     mcap::WriteOptions::new()
         .calculate_chunk_crcs(false)
@@ -86,6 +111,8 @@ fn a_damaged_summary_alone_was_called_a_loss() {
         foreign(mcap::WriteOptions::new()),
         foreign(without_checksums()),
         foreign(without_checksums().emit_statistics(false)),
+        two_topics(mcap::WriteOptions::new()),
+        two_topics(without_checksums()),
     ];
     for (n, whole) in files.iter().enumerate() {
         let all = recovered(dir.path(), whole);
@@ -182,4 +209,42 @@ fn messages_outside_chunks_are_found_again_behind_damage() {
         assert!(total >= least && total < 201, "{damage:?}: {found}");
         assert!(found.lossy, "{found}");
     }
+}
+
+#[test]
+fn one_hit_in_the_declarations_of_a_log_without_chunks_took_its_messages_with_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = two_topics(mcap::WriteOptions::new());
+    assert_eq!(recovered(dir.path(), &whole).messages_total, 400);
+    let channels = records(&whole, 4);
+    for (what, place) in [
+        ("header", records(&whole, 1)[0].0),
+        ("schema", records(&whole, 3)[0].0),
+        ("first channel", channels[0].0),
+        ("second channel", channels[1].0),
+    ] {
+        // A length beyond what is allowed, and one beyond the file.
+        for (byte, value) in [(8, 0x7f), (4, 1)] {
+            let mut bytes = whole.clone();
+            bytes[place + byte] = value;
+            let found = recovered(dir.path(), &bytes);
+            assert_eq!(found.messages_total, 400, "{what}, byte {byte}: {found}");
+            assert!(found.lossy, "{what}, byte {byte}: {found}");
+        }
+    }
+}
+
+#[test]
+fn messages_of_a_truncated_chunk_whose_channel_only_the_summary_declares_were_dropped() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut bytes = foreign(mcap::WriteOptions::new());
+    let chunks = records(&bytes, 6);
+    // The content of the chunk with the declarations; then the next one's length too, which reaches beyond the file.
+    bytes[chunks[0].0 + 60] ^= 1;
+    let first = recovered(dir.path(), &bytes);
+    assert!(first.lossy && first.messages_total < 200, "{first}");
+    bytes[chunks[1].0 + 4] = 1;
+    let both = recovered(dir.path(), &bytes);
+    assert_eq!(both.messages_total, first.messages_total, "{both}");
+    assert!(both.from_truncated_chunk > 0, "{both}");
 }

@@ -4,22 +4,33 @@ use std::collections::BTreeSet;
 use std::io::{self, BufRead, Read, Seek};
 use std::sync::Arc;
 
-use super::Scan;
-use crate::records::{ChannelRecord, Damage, Declared, RecordFinder};
+use bytes::Bytes;
+
+use super::{Scan, Step};
+use crate::records::{self, ChannelRecord, Damage, Declared, MessageRecord, RecordFinder};
+
+/// Declarations that a sound summary repeats; none without one.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Spare {
+    pub declared: Declared,
+    /// The summary counts no chunk: messages of its channels stand by themselves.
+    pub is_without_chunks: bool,
+}
 
 impl<R: BufRead> Scan<R> {
     /// The scan of a file whose summary repeats these declarations: a message whose channel is not declared before it, for that stood in
-    /// a chunk that is damaged, is still known by them.
-    pub fn with_spare(mut self, spare: Declared) -> Self {
+    /// a chunk that is damaged, or was hit itself, is still known by them.
+    pub fn with_spare(mut self, spare: Spare) -> Self {
         self.spare = spare;
         self
     }
 
     /// A channel of the summary, which counts as declared from here on.
     pub(super) fn spared(&mut self, id: u16) -> Option<Arc<ChannelRecord>> {
-        let channel = Arc::clone(self.spare.channels.get(&id)?);
+        let spare = &self.spare.declared;
+        let channel = Arc::clone(spare.channels.get(&id)?);
         let declared = &mut self.learnt.declared;
-        if let Some(schema) = self.spare.schemas.get(&channel.schema_id) {
+        if let Some(schema) = spare.schemas.get(&channel.schema_id) {
             declared.schemas.entry(schema.id).or_insert(schema.clone());
         }
         declared.channels.insert(id, Arc::clone(&channel));
@@ -53,6 +64,37 @@ impl<R: BufRead> Scan<R> {
         }
     }
 
+    /// Channels whose messages may stand outside chunks, behind damage.
+    fn outside(&self) -> BTreeSet<u16> {
+        // A file that keeps its messages in chunks has none outside: what looks like one there is the content of a chunk
+        // whose head is gone, and nothing vouches for that. Behind the data only the summary's declarations are left.
+        if self.learnt.chunks > 0 || self.past_data {
+            return BTreeSet::new();
+        }
+        let declared = self.learnt.declared.channels.keys();
+        let spare = self.spare.declared.channels.keys();
+        let of_summary = spare.filter(|_| self.spare.is_without_chunks);
+        declared.chain(of_summary).copied().collect()
+    }
+
+    /// The next message of a truncated chunk's content; the record in which it ends is none.
+    pub fn next_salvaged(
+        &mut self,
+        offset: u64,
+        content: &mut Bytes,
+    ) -> Option<(Arc<ChannelRecord>, MessageRecord)> {
+        while let Some(Ok((opcode, body))) = records::next_inner(content) {
+            let step = self.data_record(offset, opcode, &body, true);
+            if let Ok(Some(Step::Message {
+                channel, message, ..
+            })) = step
+            {
+                return Some((channel, message));
+            }
+        }
+        None
+    }
+
     /// After damage that was just stepped on: where reading lost the thread, or ended before the data did, it goes on at the next
     /// sound record, whose offset is returned; `None` = it goes on by itself, or there is no more.
     pub fn go_on<F: Read + Seek>(
@@ -68,13 +110,7 @@ impl<R: BufRead> Scan<R> {
         if !stopped && !damage.loses_the_thread() {
             return Ok(None);
         }
-        // A file that keeps its messages in chunks has none outside: what looks like one there is the content of a chunk
-        // whose head is gone, and nothing vouches for that.
-        let outside = match self.learnt.chunks {
-            0 => self.learnt.declared.channels.keys().copied().collect(),
-            _ => BTreeSet::new(),
-        };
-        let next = finder.find(self.search_from(offset), &outside)?;
+        let next = finder.find(self.search_from(offset), &self.outside())?;
         if let Some(next) = next {
             self.jump(next)?;
         }

@@ -144,6 +144,8 @@ fn a_gap_in_the_numbers_of_parts_without_an_account_passed() {
         &["r_0.mcap", "r_1.mcap", "r_2.mcap"][..],
         &["r.mcap", "r_1.mcap"],
         &["r_7.mcap"],
+        &["tank_20260504.mcap", "tank_20260505.mcap"],
+        &["run_2026_05_14.mcap", "run_2026_05_15.mcap"],
         &["run_2026_05_04.mcap", "run_2026_05_09.mcap"],
         &["2026_05_04.mcap", "2026_06_11.mcap"],
         &["a_1.mcap", "b_3.mcap"],
@@ -154,5 +156,27 @@ fn a_gap_in_the_numbers_of_parts_without_an_account_passed() {
         ],
     ] {
         assert_eq!(said(&bag("", &of(names)), None), [], "{names:?}");
+    }
+}
+
+#[test]
+fn the_first_parts_of_a_bag_without_an_account_were_missing_without_a_word() {
+    for (names, gone) in [
+        (&["r_1.mcap", "r_2.mcap"][..], "part(s) 0 are not"),
+        (&["r_2.mcap", "r_3.mcap"], "part(s) 0, 1 are not"),
+        (&["r_2.db3", "r_5.db3"], "part(s) 0, 1, 3, 4 are not"),
+        (
+            &[
+                "1_r_2026_05_04-09_00_00.mcap",
+                "2_r_2026_05_04-09_02_00.mcap",
+            ],
+            "part(s) 0 are not",
+        ),
+    ] {
+        let found = said(&bag("", &of(names)), None);
+        let [(Severity::Warning, "missing_parts", words)] = &found[..] else {
+            panic!("{names:?}: {found:?}");
+        };
+        assert!(words.contains(gone), "{words}");
     }
 }
