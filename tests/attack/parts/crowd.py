@@ -1,8 +1,13 @@
-"""A crowd on the live page of a recording: idle, slow, flooding, guessing connections while STOP is pressed again and again."""
+"""A crowd on the live page of a recording: idle, slow, flooding, guessing connections while STOP is pressed again and again.
+
+A viewer who opened the page before the crowd came is answered all the while. The daemon's memory is measured as every
+command's is.
+"""
 from __future__ import annotations
 
 import collections
 import http.client
+import json
 import os
 import re
 import resource
@@ -18,6 +23,8 @@ CROWD = 500
 PRESSES = 40
 # Longest that a press may take, from the connection to the answer [s].
 WITHIN_S = 0.2
+# Longest that the viewer may wait for an answer: then the page itself says that what it shows is old [s].
+SEEN_WITHIN_S = 2.0
 TOKEN = "a-token-for-the-crowd-01"
 # Of the recording; the crowd is there all the while.
 SECONDS = 30
@@ -97,6 +104,49 @@ class Crowd:
             key.fileobj.close()
 
 
+class Viewer:
+    """Asks for the newest state as the page does, all on the connection on which the page was opened."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self.headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self.connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        self.connection.request("GET", f"/?token={token}" if token else "/")
+        page = self.connection.getresponse().read().decode()
+        self.key = re.search(r'name="session" content="([0-9a-f]+)"', page)[1]
+        # Its place is its own: not another one among the crowd, once that is there.
+        self.connection.auto_open = 0
+        self.waits_s: list[float] = []
+        self.faults: list[str] = []
+        self.number = 0
+        self.stop = False
+        self.thread = threading.Thread(target=self.look, daemon=True)
+        self.thread.start()
+
+    def look(self) -> None:
+        while not self.stop and not self.faults:
+            began_s = time.monotonic()
+            try:
+                self.connection.request("GET", f"/state?after={self.number}", headers=self.headers)
+                answer = self.connection.getresponse()
+                body = answer.read()
+                if answer.status == 200:
+                    self.number = json.loads(body)["number"]
+                elif answer.status != 204:
+                    self.faults.append(f"the viewer is answered with {answer.status}")
+            except (OSError, http.client.HTTPException, ValueError, KeyError) as error:
+                self.faults.append(f"the viewer is cut off: {error!r}")
+            self.waits_s.append(time.monotonic() - began_s)
+            if self.waits_s[-1] > SEEN_WITHIN_S:
+                self.faults.append(f"the viewer is answered after {self.waits_s[-1]:.1f} s")
+
+    def leave(self) -> list[str]:
+        """What was wrong with its answers."""
+        self.stop = True
+        self.thread.join()
+        self.connection.close()
+        return self.faults or ([] if self.number else ["the viewer saw no state"])
+
+
 def press(port: int, key: str, token: str) -> tuple[int, float]:
     """Status of a STOP on a connection of its own, and how long it took [s]; 0 = no answer."""
     began = time.monotonic()
@@ -115,39 +165,54 @@ def press(port: int, key: str, token: str) -> tuple[int, float]:
     return status, time.monotonic() - began
 
 
-def pressed(bench: Bench, token: str, kinds: list[str]) -> tuple[list[tuple[int, float]], str, int]:
-    log = bench.folder / f"crowd-{'-'.join(kinds)}-{bool(token)}.mcap"
-    words = ["record", "--rig", "lshpi", "--for", f"{SECONDS}s", "--live", "127.0.0.1:0", "--out", log]
-    process = bench.start(*words, env={"HYDROLINE_LIVE_TOKEN": token} if token else None)
-    said = []
-    try:
-        port = 0
-        while not port:
-            line = process.stdout.readline().decode()
-            if not line:
-                return [], "".join(said), process.wait()
-            said.append(line)
-            if found := re.search(r"live page: http://127\.0\.0\.1:(\d+)/", line):
-                port = int(found[1])
-        threading.Thread(target=lambda: said.extend(l.decode(errors="replace") for l in process.stdout), daemon=True).start()
-        page = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
-        page.request("GET", f"/?token={token}" if token else "/")
-        key = re.search(r'name="session" content="([0-9a-f]+)"', page.getresponse().read().decode())[1]
-        page.close()
+class Pressed:
+    """STOP among a crowd of some kinds: its answers, and what was wrong beside them."""
+
+    def __init__(self, bench: Bench, token: str, kinds: list[str]) -> None:
+        self.presses: list[tuple[int, float]] = []
+        self.faults: list[str] = []
+        self.seen_s = 0.0
+        log = bench.folder / f"crowd-{'-'.join(kinds)}-{bool(token)}.mcap"
+        words = ["record", "--rig", "lshpi", "--for", f"{SECONDS}s", "--live", "127.0.0.1:0", "--out", log]
+        process = bench.start(*words, env={"HYDROLINE_LIVE_TOKEN": token} if token else None)
+        said: list[str] = []
+        try:
+            port = self.port(process, said)
+            if port:
+                # What else it says, so that the pipe never fills.
+                rest = threading.Thread(target=lambda: said.extend(line.decode(errors="replace") for line in process.stdout), daemon=True)
+                rest.start()
+                self.among(bench, port, token, kinds)
+        finally:
+            process.terminate()
+            code = process.wait()
+        if not self.presses:
+            self.faults.append("no live page")
+        if self.faults or code not in (0, 3):
+            self.faults.append(f"exit code {code}: {''.join(said).strip()[-200:]}")
+
+    @staticmethod
+    def port(process, said: list[str]) -> int:
+        """Of the live page; 0 = there is none."""
+        for line in iter(process.stdout.readline, b""):
+            said.append(line.decode(errors="replace"))
+            if found := re.search(r"live page: http://127\.0\.0\.1:(\d+)/", said[-1]):
+                return int(found[1])
+        return 0
+
+    def among(self, bench: Bench, port: int, token: str, kinds: list[str]) -> None:
+        viewer = Viewer(port, token)
         crowds = [Crowd(kind, ("127.0.0.1", port), CROWD // len(kinds)) for kind in kinds]
         time.sleep(1.0)
-        presses = []
         for _ in range(bench.times(PRESSES)):
-            presses.append(press(port, key, token))
+            self.presses.append(press(port, viewer.key, token))
             time.sleep(0.1)
+        self.faults += viewer.leave()
+        self.seen_s = max(viewer.waits_s, default=0.0)
         for crowd in crowds:
             crowd.stop = True
         for crowd in crowds:
             crowd.thread.join()
-    finally:
-        process.terminate()
-        code = process.wait()
-    return presses, "".join(said), code
 
 
 def run(bench: Bench) -> None:
@@ -156,13 +221,13 @@ def run(bench: Bench) -> None:
     for token in ("", TOKEN):
         said: collections.Counter[str] = collections.Counter()
         silent = []
-        took = []
+        took, seen_s = [], 0.0
         for kinds in [["idle"], ["slow"], ["flooding"], ["guessing"], KINDS]:
-            presses, text, code = pressed(bench, token, kinds)
+            one = Pressed(bench, token, kinds)
             name = f"{' '.join(kinds)}{' with a token' if token else ''}"
-            if not presses:
-                silent.append(f"{name}: no live page, exit code {code}: {text.strip()[-200:]}")
-            for status, wait_s in presses:
+            silent += [f"{name}: {fault}" for fault in one.faults]
+            seen_s = max(seen_s, one.seen_s)
+            for status, wait_s in one.presses:
                 took += [wait_s] if status == 200 else []
                 if status != 200:
                     silent.append(f"{name}: STOP answered with {status or 'nothing'} after {wait_s:.3f} s")
@@ -170,7 +235,5 @@ def run(bench: Bench) -> None:
                     silent.append(f"{name}: STOP answered after {wait_s:.3f} s")
                 else:
                     said["answered in time"] += 1
-            if code not in (0, 3):
-                silent.append(f"{name}: exit code {code}: {text.strip()[-200:]}")
-        longest = f"answered in {1e3 * statistics.median(took):.0f} ms, {1e3 * max(took):.0f} ms at most" if took else "-"
+        longest = f"{1e3 * statistics.median(took):.0f} ms, {1e3 * max(took):.0f} ms at most; a viewer after {seen_s:.1f} s at most" if took else "-"
         bench.row(f"STOP among {CROWD} others{', with a token' if token else ''} ({longest})", said, silent)

@@ -1,25 +1,20 @@
-"""Files of other programs, cut, flipped, renamed, wrapped: read as they are, or named; never printed, never at a great price."""
+"""Files of other programs, cut, flipped, renamed, wrapped: read as they are, or named; never printed."""
 from __future__ import annotations
 
 import collections
 import gzip
 import io
 import math
-import os
 import random
 import struct
-import subprocess
 import tarfile
-import time
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from .common import Bench, content
+from .common import Bench, Ran, content
 
 ROWS = 300
-BYTES_MAX = 500e6
-PATIENCE_S = 20
 # A refusal is read by a person.
 WORDS_MAX = 6000
 MAP = '[time]\ncolumn = "{time}"\nunit = "{unit}"\n[motion.x_m]\ncolumn = "{column}"\nunit = "m"\n'
@@ -188,43 +183,16 @@ def attacked(kind: Kind, kinds: list[Kind], how: str, rng: random.Random) -> Att
     return Attacked(f"{kind.name} behind noise", name, rng.randbytes(rng.randrange(1, 3000)) + data, False, "")
 
 
-@dataclass
-class Ran:
-    code: int
-    text: str
-    faults: list[str]
-
-
-def command(bench: Bench, *words: object) -> Ran:
-    """To the end, with what is wrong with its price and its words."""
-    begun = time.monotonic()
-    out = bench.folder / "words"
-    with out.open("wb") as stream:
-        process = subprocess.Popen([str(bench.binary), *map(str, words)], stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env=bench.env(None))
-        limit = begun + 3 * PATIENCE_S
-        pid = 0
-        while pid == 0:
-            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
-            if pid == 0:
-                if time.monotonic() > limit:
-                    process.kill()
-                time.sleep(0.002)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    took_s = time.monotonic() - begun
-    text = out.read_bytes()
+def words_wrong(ran: Ran) -> list[str]:
+    """What is wrong with how a command ended and with its words."""
     faults = []
-    if took_s > PATIENCE_S:
-        faults.append(f"{took_s:.0f} s")
-    if usage.ru_maxrss * 1024 > BYTES_MAX:
-        faults.append(f"{usage.ru_maxrss // 1024} MB")
-    if process.returncode not in (0, 1, 2, 3):
-        faults.append(f"exit code {process.returncode}")
-    shown = text.decode(errors="replace")
-    if any(c == "\ufffd" or (ord(c) < 32 and c not in "\n\t") for c in shown):
+    if ran.code not in (0, 1, 2, 3):
+        faults.append(f"exit code {ran.code}")
+    if any(c == "\ufffd" or (ord(c) < 32 and c not in "\n\t") for c in ran.text):
         faults.append("bytes printed")
-    if process.returncode != 0 and len(text) > WORDS_MAX:
-        faults.append(f"{len(text)} bytes of words")
-    return Ran(process.returncode, shown, faults)
+    if ran.code != 0 and len(ran.text) > WORDS_MAX:
+        faults.append(f"{len(ran.text)} letters of words")
+    return faults
 
 
 def motion(log: Path) -> list[tuple[int, bytes]]:
@@ -239,13 +207,13 @@ def run_one(bench: Bench, kind: Kind, own: Attacked, sound: list[tuple[int, byte
     map_.write_text(kind.map or MAP.format(time="t", unit="s", column="x"))
     try:
         ran = {
-            "info": command(bench, "info", path),
-            "guess": command(bench, "import", "--guess", path),
-            "import": command(bench, "import", path, "--map", map_, "--out", out),
-            "identify": command(bench, "identify", path, "--rig", "lshpi"),
-            "doctor": command(bench, "doctor", path),
+            "info": bench.run("info", path),
+            "guess": bench.run("import", "--guess", path),
+            "import": bench.run("import", path, "--map", map_, "--out", out),
+            "identify": bench.run("identify", path, "--rig", "lshpi"),
+            "doctor": bench.run("doctor", path),
         }
-        wrong = [f"{name}: {', '.join(r.faults)}" for name, r in ran.items() if r.faults]
+        wrong = [f"{name}: {', '.join(faults)}" for name, r in ran.items() if (faults := words_wrong(r))]
         wrong += [f"{name}: exit code 0" for name in ("identify", "doctor") if ran[name].code == 0]
         done = ran["import"].code == 0
         if done and not kind.map:
@@ -278,7 +246,7 @@ def run(bench: Bench) -> None:
             path.write_bytes(kind.data)
             map_.write_text(kind.map)
             out.unlink(missing_ok=True)
-            done = command(bench, "import", path, "--map", map_, "--out", out)
+            done = bench.run("import", path, "--map", map_, "--out", out)
             if done.code == 0:
                 sound[kind.name] = motion(out)
             else:

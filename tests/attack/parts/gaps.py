@@ -1,32 +1,44 @@
 """Gaps of a second to a century in a run's stamps: rows that are lost, a vehicle that waits, a clock that is set.
 
-Each table is imported (and again with --accept-faults where it is refused), and every command that reads the log reads it:
-none takes more than 500 MB or 20 s, and no coefficient is far off without a word.
+Each table is imported, and again with --accept-faults where it is refused; every command that reads the log reads it. A
+clock that was set is refused with its two runs, which are imported as the refusal says and hold the rows that they should.
+Beyond the vehicle's memory, and wherever it waits at rest, a gap takes nothing from what the motion says of the vehicle:
+the coefficients are those of the run without it.
 """
 from __future__ import annotations
 
 import collections
 import csv
 import json
-import os
-import resource
-import subprocess
-import tempfile
-import time
+import re
+from dataclasses import dataclass
 from pathlib import Path
 
 from .common import Bench, Ran
 
-GAPS_S = [1.0, 5.0, 18.0, 37.0, 120.0, 1000.7, 1e4 + 0.7, 1e5 + 0.7, 1e6 + 0.7, 3e7 + 0.7, 1e9 + 0.7, 3.16e9]
-MEMORY_MB = 500
-TIME_S = 20.0
+# A clock's own step, to and from summer time: nobody waits for just that [s].
+HOUR_S = 3600.0
+GAPS_S = [0.1, 1.0, 5.0, 18.0, 37.0, 120.0, 1000.7, HOUR_S, 1e4 + 0.7, 1e5 + 0.7, 1e6 + 0.7, 3e7 + 0.7, 1e9 + 0.7, 3.16e9]
+# Gaps of rows that are lost: of longer ones too little is left.
+LOST_S = [0.1, 1.0, 5.0]
+# The built-in lshpi remembers its motion for less [s].
+MEMORY_S = 100.0
+# A clock that is set by less shows nothing but a gap [s].
+SET_S = 1.0
+# No vehicle waits for so long in one recording [s]: a day.
+PAUSE_MAX_S = 86_400.0
 # Address space beyond which a command is ended before it takes the machine along.
-LIMIT_BYTES = 4 << 30
-# sd from the truth that are no chance.
-OFF_SD = 5.0
+LIMIT = f"ulimit -v {4 << 20}"
+# Of the sound run, sd from the rig that are no chance.
+TRUE_SD = 5.0
+# The same rows, parted by a gap: standard deviations of the sound run that a coefficient may move by, and the share by
+# which its standard deviation may be another.
+SAME_SD, SAME_SHARE = 3.0, 3.0
+COEFFICIENTS = ("x_u", "x_uu")
 MAP = """[time]
 column = "t"
 unit = "s"
+{window}
 [motion.x_m]
 column = "x"
 unit = "m"
@@ -35,30 +47,38 @@ thruster = "surge"
 column = "u"
 unit = "N"
 """
+WINDOWS = re.compile(r"(to_s = [\d.]+\d).*(from_s = [\d.]+\d)")
+
+Row = tuple[float, float, float]
 
 
-def measured(bench: Bench, *words: object) -> tuple[Ran, float, float]:
-    """A command to its end, its peak memory [MB] and its time [s]."""
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_AS, (LIMIT_BYTES, LIMIT_BYTES))
-    with tempfile.TemporaryFile() as out:
-        line = [str(bench.binary), *map(str, words)]
-        begin = time.monotonic()
-        child = subprocess.Popen(line, stdin=subprocess.DEVNULL, stdout=out, stderr=out, env=bench.env(None), preexec_fn=limit)
-        while True:
-            pid, status, usage = os.wait4(child.pid, os.WNOHANG)
-            if pid:
-                child.returncode = os.waitstatus_to_exitcode(status)
-                break
-            if time.monotonic() - begin > 3 * TIME_S:
-                child.kill()
-            time.sleep(0.01)
-        took_s = time.monotonic() - begin
-        out.seek(0)
-        return Ran(child.returncode, out.read().decode(errors="replace")), usage.ru_maxrss / 1024, took_s
+@dataclass
+class Case:
+    kind: str
+    gap_s: float
+    table: list[Row]
+    # Row behind the gap.
+    behind: int
+
+    def is_pause(self) -> bool:
+        """Whether time has passed, as the table says, and the vehicle's state is known all the while."""
+        return self.kind == "waits at rest" and self.gap_s < PAUSE_MAX_S
+
+    def is_step(self) -> bool:
+        """Whether the clock was set, as the motion or the length of the gap shows."""
+        return self.kind != "rows lost" and not self.is_pause() and self.gap_s >= SET_S
 
 
-def rows(bench: Bench) -> list[tuple[float, float, float]]:
+def made(bench: Bench, where: Path, name: str, table: list[Row], *more: object, window: str = "") -> tuple[Ran, Path]:
+    """A table, imported: what the import says, and the log."""
+    source, map_, log = (where / f"{name}.{suffix}" for suffix in ("csv", "toml", "mcap"))
+    log.unlink(missing_ok=True)
+    source.write_text("t,x,u\n" + "".join(f"{t:.4f},{x!r},{u!r}\n" for t, x, u in table))
+    map_.write_text(MAP.format(window=window))
+    return bench.run("import", source, "--map", map_, "--out", log, *more, shell=LIMIT), log
+
+
+def rows(bench: Bench) -> list[Row]:
     """Time, surge and load of a run under reversals that begins and ends at rest."""
     log, table = bench.folder / "gaps.mcap", bench.folder / "gaps.csv"
     bench.run("simulate", "--motion-only", "--rig", "lshpi", "--plan", "reversals", "--seed", bench.seed, "--tail", "20", "--out", log)
@@ -67,76 +87,155 @@ def rows(bench: Bench) -> list[tuple[float, float, float]]:
         return [(float(r["t_s"]), float(r["x_m"]), float(r["surge_n"] or 0)) for r in csv.DictReader(f)]
 
 
-def cases(run: list[tuple[float, float, float]]) -> list[tuple[str, float, list[tuple[float, float, float]]]]:
+def cases(run: list[Row]) -> list[Case]:
     made = []
-    middle = len(run) // 2
+    # Where it is fastest, so that a clock that is set shows.
+    n, side = len(run), 8
+    fastest = max(range(n // 3, 2 * n // 3), key=lambda k: abs(run[k + side][1] - run[k - side][1]))
+    last_t, last_x, _ = run[-1]
+    step_s = run[1][0] - run[0][0]
     for gap_s in GAPS_S:
-        made.append(("clock set", gap_s, [(t + (gap_s if k >= middle else 0), x, u) for k, (t, x, u) in enumerate(run)]))
-        last_t, last_x, _ = run[-1]
-        waits = run + [(t + gap_s + last_t, x - run[0][1] + last_x, u) for t, x, u in run]
-        made.append(("waits at rest", gap_s, waits))
-        if gap_s < 10:
-            made.append(("rows lost", gap_s, [r for r in run if not run[middle][0] <= r[0] < run[middle][0] + gap_s]))
+        made.append(Case("clock set", gap_s, [(t + (gap_s if k >= fastest else 0), x, u) for k, (t, x, u) in enumerate(run)], fastest))
+        again = [(last_t + step_s + gap_s + t - run[0][0], x - run[0][1] + last_x, u) for t, x, u in run]
+        if gap_s != HOUR_S:
+            made.append(Case("waits at rest", gap_s, run + again, n))
+        if gap_s in LOST_S:
+            made.append(Case("rows lost", gap_s, [r for r in run if not 0 <= r[0] - run[fastest][0] < gap_s], fastest))
     return made
 
 
-def fault(kind: str, found: Ran, took: tuple[float, float]) -> str:
-    """What is wrong with how a command ended; empty = nothing."""
-    if found.code not in (0, 1, 2, 3) or "panicked" in found.text:
-        return f"{kind}: exit code {found.code}: {found.text.strip()[-200:]}"
-    if took[0] > MEMORY_MB or took[1] > TIME_S:
-        return f"{kind}: {took[0]:.0f} MB, {took[1]:.1f} s"
-    return ""
+def ended(kind: str, found: Ran, *good: int) -> list[str]:
+    """What is wrong with how a command ended."""
+    if found.code not in good or "panicked" in found.text:
+        return [f"{kind}: exit code {found.code}: {found.text.strip()[-200:]}"]
+    return []
+
+
+@dataclass
+class Fitted:
+    value: float
+    sd: float | None
+    rig: float
+
+
+def identified(bench: Bench, *logs: Path) -> tuple[Ran, dict[str, Fitted]]:
+    """`identify` of logs, and what it found."""
+    found = bench.run("identify", *logs, "--rig", "lshpi", "--json", shell=LIMIT)
+    if found.code != 0:
+        return found, {}
+    parameters = json.loads(found.out)["parameters"]
+    return found, {key: Fitted(*(parameters[key][k] for k in ("value", "sd", "rig"))) for key in COEFFICIENTS}
+
+
+def moved(bench: Bench, sound: dict[str, Fitted], *logs: Path) -> list[str]:
+    """What `identify` finds otherwise than of the sound run."""
+    found, fitted = identified(bench, *logs)
+    faults = ended("identify", found, 0)
+    for key, here in fitted.items():
+        there = sound[key]
+        off = abs(here.value - there.value) / there.sd
+        if not here.sd:
+            faults.append(f"identify: {key} without a standard deviation")
+        elif not 1 / SAME_SHARE < here.sd / there.sd < SAME_SHARE or not off < SAME_SD:
+            faults.append(f"identify: {key} {here.value:.3f} +- {here.sd:.3f}, not {there.value:.3f} +- {there.sd:.3f}")
+    return faults
+
+
+def differs(bench: Bench, log: Path, table: list[Row]) -> list[str]:
+    """What a log holds otherwise than the table's rows, as `export` writes it."""
+    out = log.with_suffix(".out.csv")
+    out.unlink(missing_ok=True)
+    found = bench.run("export", log, "--merged", "--out", out, shell=LIMIT)
+    if faults := ended("export", found, 0):
+        return faults
+    with out.open() as f:
+        got = [(float(r["t_s"]), float(r["x_m"])) for r in csv.DictReader(f)]
+    out.unlink()
+    if len(got) != len(table):
+        return [f"{log.name}: {len(got)} rows, not {len(table)}"]
+    off_t = max(abs((t - got[0][0]) - (row[0] - table[0][0])) for (t, _), row in zip(got, table))
+    off_x = max(abs(x - row[1]) for (_, x), row in zip(got, table))
+    # Stamps are written to 0.1 ms.
+    return [f"{log.name}: stamps off by {off_t:.4f} s, x by {off_x:.2g} m"] if off_t > 3e-4 or off_x > 1e-6 else []
+
+
+def two_runs(bench: Bench, where: Path, case: Case, words: str, sound: dict[str, Fitted]) -> list[str]:
+    """What is wrong with the two runs that a refusal names, imported as it says."""
+    windows = WINDOWS.search(words)
+    if not windows:
+        return [f"refused without the two runs: {words.strip()[-300:]}"]
+    faults, logs = [], []
+    for window, table in zip(windows.groups(), (case.table[: case.behind], case.table[case.behind :])):
+        found, log = made(bench, where, window.split()[0], case.table, window=window)
+        wrong = ended(f"import with {window}", found, 0)
+        wrong += [f"import with {window}: {found.text.strip()[-300:]}"] if "FAULT" in found.text else []
+        faults += wrong or differs(bench, log, table)
+        logs.append(log)
+    if all(log.exists() for log in logs):
+        faults += moved(bench, sound, *logs)
+    return faults
+
+
+def readers(bench: Bench, log: Path) -> list[str]:
+    """What is wrong with how the others end that read a log."""
+    faults = []
+    for good, words in (
+        ((0, 1), ["diagnose", log, "--rig", "lshpi", "--accept-faults"]),
+        ((0,), ["predict", "--rig", "lshpi", "--plan", "reversals", "--measured", log]),
+        ((0,), ["info", log]),
+        ((0, 3), ["doctor", log]),
+    ):
+        faults += ended(str(words[0]), bench.run(*words, shell=LIMIT), *good)
+    return faults
+
+
+def judged(bench: Bench, where: Path, case: Case, sound: dict[str, Fitted]) -> tuple[str, list[str], str]:
+    """How a gap was said, what is wrong, and why it is a false alarm; one of them holds."""
+    imported, log = made(bench, where, "whole", case.table)
+    refused = imported.code == 2
+    faults = ended("import", imported, 0, 2)
+    if refused and case.is_pause():
+        return "", [], f"refused: {imported.text.strip()[-200:]}"
+    if case.is_step() and not refused:
+        faults.append("a clock that was set is imported")
+    if refused:
+        faults += two_runs(bench, where, case, imported.text, sound)
+        accepted, log = made(bench, where, "whole", case.table, "--accept-faults")
+        faults += ended("import --accept-faults", accepted, 0, 3)
+    elif "WARNING gaps" not in imported.text:
+        faults.append("a gap, no word")
+    if not log.exists():
+        return "", faults + ["no log"], ""
+    faults += differs(bench, log, case.table)
+    if case.gap_s > MEMORY_S or case.is_pause():
+        faults += moved(bench, sound, log)
+    else:
+        # A clock that was set, accepted all the same, may cost it the coefficients, not more.
+        faults += ended("identify", identified(bench, log)[0], *((0, 1) if case.kind == "clock set" else (0,)))
+    faults += readers(bench, log)
+    return "refused, with its two runs" if refused else "a gap, said", faults, ""
 
 
 def run(bench: Bench) -> None:
     base = rows(bench)
-    said: collections.Counter[str] = collections.Counter()
-    silent = []
     where = bench.folder / "gaps"
     where.mkdir()
-    (where / "m.toml").write_text(MAP)
-    for n, (kind, gap_s, table) in enumerate(cases(base)):
-        name = f"{kind}, {gap_s:g} s"
-        source, log = where / f"{n}.csv", where / f"{n}.mcap"
-        source.write_text("t,x,u\n" + "".join(f"{t:.4f},{x!r},{u!r}\n" for t, x, u in table))
-        words = ["import", source, "--map", where / "m.toml", "--out", log]
-        imported, *took = measured(bench, *words)
-        faults = [fault("import", imported, tuple(took))]
-        refused = imported.code == 2 and "from_s =" in imported.text
-        if refused:
-            accepted, *took = measured(bench, *words, "--accept-faults")
-            faults.append(fault("import --accept-faults", accepted, tuple(took)))
-        if not log.exists():
-            silent.append(f"{name}: no log: {imported.text.strip()[-300:]}")
-            continue
-        told = "WARNING" in imported.text or "FAULT" in imported.text
-        faults += readers(bench, log, where, told or refused)
-        faults = [f for f in faults if f]
+    imported, log = made(bench, where, "sound", base)
+    found, sound = identified(bench, log)
+    if imported.code != 0 or "WARNING gaps" in imported.text or "FAULT" in imported.text or not sound:
+        raise SystemExit(f"the run without a gap: {imported.text}\n{found.text}")
+    for key, fitted in sound.items():
+        if not fitted.sd or abs(fitted.value - fitted.rig) > TRUE_SD * fitted.sd:
+            raise SystemExit(f"the run without a gap: {key} {fitted}")
+    said: collections.Counter[str] = collections.Counter()
+    silent, alarms = [], []
+    for case in cases(base):
+        how, faults, alarm = judged(bench, where, case, sound)
+        name = f"{case.kind}, {case.gap_s:g} s"
         if faults:
             silent.append(f"{name}: {'; '.join(faults)}")
+        elif alarm:
+            alarms.append(f"{name}: {alarm}")
         else:
-            said["refused, with its two runs" if refused else "a gap, said"] += 1
-        log.unlink()
-    bench.row("gaps of a second to a century", said, silent)
-
-
-def readers(bench: Bench, log: Path, where: Path, told: bool) -> list[str]:
-    faults = []
-    found, *took = measured(bench, "identify", log, "--rig", "lshpi", "--json")
-    faults.append(fault("identify", found, tuple(took)))
-    if found.code == 0:
-        text = found.text[found.text.index("{"):]
-        fitted = json.JSONDecoder().raw_decode(text)[0]
-        for key in ("x_u", "x_uu"):
-            p = fitted["parameters"][key]
-            off = abs(p["value"] - p["rig"]) / p["sd"] if p["sd"] else 0
-            if off > OFF_SD and not (told or fitted["misfit"]):
-                faults.append(f"identify: {key} {off:.0f} sd off, no word")
-    table = where / "out.csv"
-    for words in (["diagnose", log, "--rig", "lshpi", "--accept-faults"], ["predict", "--rig", "lshpi", "--plan", "reversals", "--measured", log],
-                  ["export", log, "--merged", "--rig", "lshpi", "--out", table], ["info", log], ["doctor", log]):
-        table.unlink(missing_ok=True)
-        found, *took = measured(bench, *words)
-        faults.append(fault(words[0], found, tuple(took)))
-    return faults
+            said[how] += 1
+    bench.row("gaps of a second to a century", said, silent, alarms)
