@@ -327,8 +327,9 @@ impl Recording {
             "damaged_records",
             None,
             format!(
-                "{}{bytes}; import what is sound with --accept-faults",
-                not_read(own)
+                "{}{bytes}; import what is sound with --accept-faults, or first: {}",
+                not_read(own),
+                self.kind.mending()
             ),
         ))
     }

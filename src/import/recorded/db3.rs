@@ -212,18 +212,22 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         .prepare("SELECT rowid, topic_id, timestamp, data FROM messages NOT INDEXED")
         .map_err(|e| broken(&e))?;
     let mut own = statement.query([]).map_err(|e| broken(&e))?;
-    let mut last = None;
+    let mut last: Option<i64> = None;
     let stopped = loop {
         match own.next() {
             Ok(Some(row)) => {
                 let id: i64 = row.get(0).unwrap_or(0);
+                // Of a page of which only the beginning is there SQLite reads the rest as zeros: rows without a number.
+                if last.is_some_and(|l| id <= l) {
+                    break Some("the numbers of its rows do not ascend".to_owned());
+                }
                 last = Some(id);
                 let data = row.get_ref(3).ok().and_then(|v| v.as_blob().ok());
                 let (topic, log_ns) = (row.get(1).ok(), row.get(2).ok());
                 rows.row(u64::try_from(id).unwrap_or(0), topic, log_ns, data)?;
             }
             Ok(None) => break None,
-            Err(error) => break Some(error),
+            Err(error) => break Some(error.to_string()),
         }
     };
     if stopped.is_none() && !cut {
@@ -235,10 +239,7 @@ pub(super) fn read(path: &Path, sink: &mut dyn Sink) -> Result<Account, Recorded
         Some(_) => rows.beyond(path, last.unwrap_or(i64::MIN))?,
         None => 0,
     };
-    let why = stopped.map_or_else(
-        || "the file is shorter than its head says".to_owned(),
-        |e| e.to_string(),
-    );
+    let why = stopped.unwrap_or_else(|| "the file is shorter than its head says".to_owned());
     if last.is_none() && beyond == 0 {
         return Err(RecordedError::Container(format!(
             "no message of this bag of ROS 2 in SQLite can be read ({why}); what is left of it, `{RECOVER}` may save"
