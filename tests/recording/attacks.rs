@@ -25,6 +25,7 @@ fn bounded(words: &[&str]) -> Output {
         .args([MEMORY_KIB, PATIENCE_S])
         .arg(binary)
         .args(words)
+        .env("XDG_DATA_HOME", crate::support::data_home())
         .env_remove("RUST_LOG")
         .stdin(std::process::Stdio::null())
         .output()

@@ -46,6 +46,7 @@ fn a_recording_in_the_background_of_a_shell() {
     );
     let status = Command::new("script")
         .args(["-qec", &shell, "/dev/null"])
+        .env("XDG_DATA_HOME", crate::support::data_home())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())

@@ -25,7 +25,9 @@ def ran(binary: Path, words: list[str], threads: int | None = None) -> Ran:
     env = {k: v for k, v in os.environ.items() if k != "RUST_LOG"}
     if threads:
         env["RAYON_NUM_THREADS"] = str(threads)
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryDirectory() as data:
+        # Calibrations that one run remembers are taken by no other, and none is left in the user's own folder.
+        env["XDG_DATA_HOME"] = data
         begin = time.perf_counter()
         child = subprocess.Popen([str(binary), *words], stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=env)
         _, status, usage = os.wait4(child.pid, 0)
