@@ -94,7 +94,7 @@ pub(super) struct Printed<'a> {
 
 enum Input {
     Table(TableFile),
-    Log(Recording),
+    Log(Box<Recording>),
 }
 
 pub(super) fn about(path: &Path, error: RecordedError) -> CliError {
@@ -117,9 +117,10 @@ fn open(args: &Args) -> Result<Input, CliError> {
     let path = &args.data;
     let found = Recording::open(path).map_err(|e| about(path, e))?;
     match found {
-        Some(log) => Ok(Input::Log(
-            log.with_topics(&args.topic).map_err(|e| about(path, e))?,
-        )),
+        Some(log) => {
+            let log = log.with_topics(&args.topic).map_err(|e| about(path, e))?;
+            Ok(Input::Log(Box::new(log)))
+        }
         None if !args.topic.is_empty() => Err(CliError::Config(format!(
             "{}: --topic {} is for logs, and this is none that is known here (MCAP, db3, DataFlash, tlog, ULog): leave it out, or name a log",
             path.display(),

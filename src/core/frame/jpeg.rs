@@ -133,7 +133,9 @@ impl<'a> WholeJpeg<'a> {
 mod marker {
     pub const SOF0: u8 = 0xc0;
     pub const SOF2: u8 = 0xc2;
+    pub const SOF3: u8 = 0xc3;
     pub const DHT: u8 = 0xc4;
+    pub const SOF5: u8 = 0xc5;
     pub const SOF15: u8 = 0xcf;
     pub const RST0: u8 = 0xd0;
     pub const EOI: u8 = 0xd9;
@@ -187,12 +189,16 @@ fn read(data: &[u8]) -> Result<Picture, JpegDamage> {
         if marker == marker::EOI {
             return picture.ended().map_err(wrong).map(|()| picture);
         }
-        let known = match marker {
-            marker::SOF0..=marker::SOF15 | marker::SOS | marker::DQT | marker::DRI => true,
-            marker::APP0..=marker::APP15 | marker::COM => true,
-            _ => false,
-        };
-        if !known {
+        let is_known = matches!(
+            marker,
+            marker::SOF0..=marker::SOF15
+                | marker::SOS
+                | marker::DQT
+                | marker::DRI
+                | marker::APP0..=marker::APP15
+                | marker::COM
+        );
+        if !is_known {
             return Err(wrong("a marker that has no place here"));
         }
         let body = segment(data, body_at)?;
@@ -204,7 +210,9 @@ fn read(data: &[u8]) -> Result<Picture, JpegDamage> {
             marker::DHT => picture.huffman(body).map_err(wrong)?,
             marker::DQT => picture.quantizers(body).map_err(wrong)?,
             marker::DRI => picture.restarts(body).map_err(wrong)?,
-            marker::SOF0..=marker::SOF15 => return Err(JpegDamage::Coding { marker }),
+            marker::SOF3 | marker::SOF5..=marker::SOF15 => {
+                return Err(JpegDamage::Coding { marker });
+            }
             marker::SOS => {
                 let scan = picture.scan(body).map_err(wrong)?;
                 at = picture.decode(&scan, data, after)?;

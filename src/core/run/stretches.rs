@@ -173,7 +173,7 @@ mod tests {
     fn a_gap_longer_than_the_memory_begins_another_run_under_the_load_in_force() {
         let tenths = |from_s: f64| (0..11).map(move |k| from_s + 0.1 * f64::from(k));
         let whole = run(tenths(0.0).chain(tenths(31.0)));
-        assert_eq!(whole.stretches(60.0), [whole.clone()]);
+        assert_eq!(whole.stretches(60.0), std::slice::from_ref(&whole));
         let parts = run(tenths(0.0).chain(tenths(3e9))).stretches(60.0);
         let loads = |r: &Run| r.commands.iter().map(|c| c.wrench[0]).collect::<Vec<_>>();
         assert_eq!(parts.len(), 2);

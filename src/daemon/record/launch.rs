@@ -131,7 +131,7 @@ impl Launch {
             Stage::Looking => {}
         }
         if let Some(why) = self.unseen {
-            return self.from_the_rigs_start(why);
+            return self.begun_at_the_rigs_start(why);
         }
         let new = look.pose.filter(|pose| {
             let age_ns = look.now_ns.saturating_sub(pose.received_ns);
@@ -239,11 +239,11 @@ impl Launch {
                 self.way_on()
             ));
         }
-        self.from_the_rigs_start(why)
+        self.begun_at_the_rigs_start(why)
     }
 
     /// Begins with a warning: where no pose can show the place, a service begins its plan too, once.
-    fn from_the_rigs_start(&self, why: &str) -> Next {
+    fn begun_at_the_rigs_start(&self, why: &str) -> Next {
         let plan = &self.plan;
         Next::Begin {
             pose: self.start,

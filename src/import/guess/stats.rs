@@ -133,8 +133,7 @@ impl Column {
         let kept = self.cells.iter().filter_map(|c| Some((c, value(c, file)?)));
         let values: Vec<f64> = kept.map(|(c, v)| self.since(c, v, file)).collect();
         let mut steps: Vec<f64> = values.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
-        let mut at = |share| crate::check::quantile(&mut steps, share).unwrap_or(0.0);
-        self.usual = at(0.95);
+        self.usual = crate::check::quantile(&mut steps, 0.95).unwrap_or(0.0);
         steps.retain(|s| *s > 0.0);
         let mut at = |share| crate::check::quantile(&mut steps, share).unwrap_or(0.0);
         let [tenth, half, most, nine_tenths] = [0.1, 0.5, 0.75, 0.9].map(&mut at);

@@ -286,6 +286,9 @@ fn records(bytes: &[u8], opcode: u8) -> Vec<(usize, usize)> {
     found
 }
 
+/// Damage by name.
+type Case<'a> = (&'a str, &'a dyn Fn(&mut Vec<u8>));
+
 #[test]
 fn reading_stopped_at_the_first_damaged_record_of_an_mcap() {
     let dir = tempfile::tempdir().unwrap();
@@ -318,7 +321,7 @@ fn reading_stopped_at_the_first_damaged_record_of_an_mcap() {
         for nth in hit {
             let (start, end) = places[*nth];
             let zeros = |bytes: &mut Vec<u8>, from: usize, to: usize| bytes[from..to].fill(0);
-            let cases: [(&str, &dyn Fn(&mut Vec<u8>)); 4] = [
+            let cases: [Case<'_>; 4] = [
                 ("zeroed", &|b| zeros(b, start, end)),
                 ("zeroed, and some before and behind", &|b| {
                     zeros(b, start + 3, end + 17)

@@ -276,7 +276,7 @@ fn a_log_that_breaks_off_leaves_nothing_under_its_name() {
     std::fs::write(&part, vec![7; 100_000]).unwrap();
     let log = create().unwrap();
     let outcome = log.finish(&SummaryInput::clean("done")).unwrap();
-    assert_eq!(outcome.files, [path.clone()]);
+    assert_eq!(outcome.files, std::slice::from_ref(&path));
     assert_eq!(files(), 1);
     assert!(doctor(&path).unwrap().sound);
     assert!(matches!(create(), Err(LogError::OutputExists { .. })));

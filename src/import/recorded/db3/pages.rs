@@ -73,7 +73,7 @@ fn columns(content: &[u8]) -> Option<([u64; COLUMNS], usize)> {
         (*kind, at) = (value, at + bytes);
     }
     let is_whole = |kind: u64| matches!(kind, 1..=6 | 8 | 9);
-    let is_blob = |kind: u64| kind >= 12 && kind % 2 == 0;
+    let is_blob = |kind: u64| kind >= 12 && kind.is_multiple_of(2);
     // The row's number stands in place of the first.
     let fits = types[0] == 0 && is_whole(types[1]) && is_whole(types[2]) && is_blob(types[3]);
     (fits && head_bytes == at as u64).then_some((types, at))

@@ -1,6 +1,9 @@
 use super::*;
 
-fn counts(text: &str) -> (Option<u64>, Vec<String>, Vec<(String, Option<u64>)>) {
+/// Messages of all, files, and messages of each topic.
+type Counts = (Option<u64>, Vec<String>, Vec<(String, Option<u64>)>);
+
+fn counts(text: &str) -> Counts {
     let yaml = Yaml::parse(text).unwrap_or_else(|e| panic!("{e}\n{text}"));
     let own = yaml.get("rosbag2_bagfile_information").unwrap();
     let files = own.get("relative_file_paths").unwrap().list().iter();
