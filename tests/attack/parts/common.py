@@ -118,7 +118,7 @@ class Bench:
         cases = sum(said.values()) + len(silent) + len(alarms or [])
         words = ", ".join(f"{n} {how}" for how, n in said.most_common())
         false = "-" if alarms is None else len(alarms)
-        price = f"{self.most_mb:.0f} MB, {self.longest_s:.1f} s"
+        price = f"{self.most_mb:.0f} MB" + (f", {self.longest_s:.1f} s" if self.longest_s else "")
         print(f"| {name} | {cases} | {words or '-'} | {len(silent)} | {false} | {price} |", flush=True)
         self.most_mb = self.longest_s = 0.0
         self.silences += [f"{name}: {what}" for what in silent]
