@@ -354,7 +354,11 @@ impl Supervisor<'_> {
         let now_ns = self.shared.clock.monotonic_ns();
         // The plan starts a lead after it: as far as it goes, the time in which the place was measured counts.
         let latest_ns = (now_ns + nanos(SOON)).saturating_sub(nanos(LEAD));
-        let began_ns = self.ready_ns.unwrap_or(now_ns).max(latest_ns);
+        let began_ns = match &self.launcher {
+            Some(_) => self.ready_ns.unwrap_or(now_ns).max(latest_ns),
+            // From the arrival of the first good frame: a slow computer sees only later that it is one.
+            None => self.shared.progress(|p| p.first_good_ns).unwrap_or(now_ns),
+        };
         self.began_ns = Some(began_ns);
         self.shared.say(
             Severity::Info,
