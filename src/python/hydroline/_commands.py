@@ -243,7 +243,7 @@ def import_table(
     The arguments are those of ``hydroline import``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
-    data: Table (CSV or text) or log of another program to import
+    data: Table (CSV or text; - = standard input) or log of another program to import
     map: Map that says what its columns are
     out: Log to write
     topic: Of a log, only this topic (again for more): where fields without a topic are looked for, and what --guess
