@@ -88,14 +88,56 @@ rosbag2_bagfile_information:
 }
 
 #[test]
+fn tags_and_aliases_cost_a_text_its_own_length() {
+    let text = "a: &x !t [1, 2]\nb: *x\nc: !!str 3\nd: &y {e: *x}\n? [f]\n: 4\n";
+    let yaml = Yaml::parse(text).unwrap();
+    assert_eq!(yaml.get("a").unwrap().list().len(), 2);
+    assert_eq!(yaml.get("b").unwrap(), &Yaml::List(Vec::new()));
+    assert_eq!(yaml.get("c").and_then(Yaml::count), Some(3));
+    // Each list holds the one before it ten times: 10^30 elements if they were followed.
+    let mut laughs = "a0: &a0 [x]\n".to_owned();
+    for n in 0..30 {
+        let before = format!("*a{n}, ").repeat(10);
+        laughs += &format!("a{}: &a{} [{before}]\n", n + 1, n + 1);
+    }
+    let yaml = Yaml::parse(&laughs).unwrap();
+    assert_eq!(
+        yaml.get("a30").unwrap().list(),
+        [const { Yaml::List(Vec::new()) }; 10]
+    );
+    let prefix = "x".repeat(1000);
+    let error = Yaml::parse(&format!("%TAG !a! {prefix}\n---\n- !a!b 1\n"));
+    assert!(error.unwrap_err().contains("%TAG"));
+}
+
+#[test]
+fn no_more_is_read_ahead_than_an_account_takes() {
+    let list = |length: usize| format!("[{}]\n", "x,".repeat(length / 2));
+    let yaml = Yaml::parse(&list(AHEAD_MAX / 2)).unwrap();
+    assert_eq!(yaml.list().len(), AHEAD_MAX / 4);
+    for text in [
+        list(AHEAD_MAX + 100),
+        format!("a: 1\nb: \"{}\"", "x".repeat(AHEAD_MAX + 100)),
+        format!("a: 1\nb: |\n{}", " x\n".repeat(AHEAD_MAX)),
+    ] {
+        let error = Yaml::parse(&text).unwrap_err();
+        assert!(error.contains("what follows is too long"), "{error}");
+    }
+    // A longer file is read, if no part of it is.
+    let long = "- a: 1\n".repeat(AHEAD_MAX / 4);
+    assert_eq!(Yaml::parse(&long).unwrap().list().len(), AHEAD_MAX / 4);
+}
+
+#[test]
 fn what_is_no_yaml_is_an_error_with_its_line() {
     let deep = "- ".repeat(1000);
     for (text, words) in [
-        ("a: 1\nb\n", "line 2: 'b'"),
-        ("a: 1\n   b: 2\nc: [1, 2\n", "line 3"),
+        ("a: 1\nb\n", "line 3: "),
+        ("a: 1\nb: 2\nc: [1, 2\n", "line 4"),
         ("a: \"x\n", "line 1"),
         (deep.as_str(), "nested too deep"),
         ("a:\n    b: 1\n  c: 2\n", "line 3"),
+        ("a: 1\n---\nb: 2\n", "line 3: a second"),
     ] {
         let error = Yaml::parse(text).unwrap_err();
         assert!(error.contains(words), "{text:?}: {error}");
