@@ -16,6 +16,18 @@ enum Picture {
     Learnt(Box<BlockAccount>),
 }
 
+/// Reason why nothing was extracted from a frame.
+#[derive(Debug)]
+pub enum NotExtracted {
+    /// The recording marks it as faulty.
+    Excluded,
+    /// It has no grey levels.
+    Unreadable(FrameError),
+}
+
+/// Grey image of a frame and its profile in full precision.
+pub type Extracted = Result<(GreyImage, Profile), NotExtracted>;
+
 /// Turns frames into profiles. One per thread: it holds scratch memory and the account of the picture's blocks, never
 /// results.
 pub struct Analyst {
@@ -78,12 +90,8 @@ impl Analyst {
         self.analyse_whole(frame).0
     }
 
-    /// The same, with what a pose is fitted to: the grey image and the profile in full precision; `None` = the frame is
-    /// excluded or cannot be read.
-    pub fn analyse_whole(
-        &mut self,
-        frame: &Frame,
-    ) -> (StripeProfile, Option<(GreyImage, Profile)>) {
+    /// The same, with what a pose is fitted to: the grey image and the profile in full precision.
+    pub fn analyse_whole(&mut self, frame: &Frame) -> (StripeProfile, Extracted) {
         let mut message = StripeProfile {
             timestamp: Some(timestamp(frame.meta.mid_exposure_ns)),
             sequence: frame.meta.sequence,
@@ -93,17 +101,17 @@ impl Analyst {
         };
         if let Some(fault) = frame.meta.fault {
             message.fault = format!("frame excluded: {}", fault_name(fault));
-            return (message, None);
+            return (message, Err(NotExtracted::Excluded));
         }
         match self.read(frame) {
             Ok(image) => {
                 let profile = self.extractor.extract(&image);
                 self.fill(&mut message, &profile);
-                (message, Some((image, profile)))
+                (message, Ok((image, profile)))
             }
             Err(error) => {
                 message.fault = error.to_string();
-                (message, None)
+                (message, Err(NotExtracted::Unreadable(error)))
             }
         }
     }

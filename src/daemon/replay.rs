@@ -4,7 +4,7 @@
 //! by our writer and are counted by topic. Profiles are computed anew with the code that ran
 //! live, so that a frame that was extracted live gives the same bytes again, which is counted.
 
-use crate::analysis::Analyst;
+use crate::analysis::{Analyst, NotExtracted};
 use crate::calibrate::message;
 use crate::live::Live;
 use crate::live::unhurried::Unhurried;
@@ -157,10 +157,6 @@ impl Options {
     fn analyst(&self) -> Analyst {
         Analyst::new(self.extractor.clone(), self.map.clone(), self.rule)
             .knowing(self.picture.clone())
-    }
-
-    fn read(&self, frame: &Frame) -> Result<GreyImage, FrameError> {
-        frame.to_grey_with(&self.rule, &self.picture)
     }
 
     fn open(&self, log: &Path) -> Result<Input, ReplayError> {
@@ -457,34 +453,43 @@ impl Kinds {
     }
 }
 
-/// Whether a frame that nothing marks as faulty is a damaged JPEG.
-fn is_damaged(frame: &Frame, options: &Options) -> bool {
-    let unmarked = frame.meta.fault.is_none();
-    unmarked && matches!(options.read(frame), Err(FrameError::Damaged { .. }))
-}
-
-/// Whether a frame that nothing marks as faulty cannot be read.
-fn is_unread(frame: &Frame, options: &Options) -> bool {
-    frame.meta.fault.is_none() && options.read(frame).is_err()
-}
-
 fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
     !calibration.state.is_empty() && calibration.state != message::IN_FORCE
 }
 
 /// A frame's stripe, and its pose fitted ahead.
 type Posed = (GreyImage, Profile, Speculative);
-/// A frame's stripe: the message, and what its pose follows from.
-type Analysed = (StripeProfile, Option<Posed>);
+/// A frame's stripe.
+struct Analysed {
+    message: StripeProfile,
+    /// What its pose follows from; `None` also where no run is followed.
+    posed: Option<Posed>,
+    /// Why a frame that nothing marks as faulty cannot be read.
+    unreadable: Option<FrameError>,
+}
 
-/// The stripe of a frame and its pose, fitted ahead of its turn.
-fn posed(analyst: &mut Analyst, run: &PoseRun, frame: &Frame) -> Analysed {
-    let (message, whole) = analyst.analyse_whole(frame);
-    let posed = whole.map(|(image, profile)| {
-        let speculative = run.speculative(frame.meta.mid_exposure_ns, &image, &profile);
-        (image, profile, speculative)
-    });
-    (message, posed)
+impl Analysed {
+    /// The stripe of a frame and, where a run is followed, its pose, fitted ahead of its turn.
+    fn of(analyst: &mut Analyst, run: Option<&PoseRun>, frame: &Frame) -> Self {
+        let (message, whole) = analyst.analyse_whole(frame);
+        let (posed, unreadable) = match whole {
+            Ok((image, profile)) => {
+                let posed = run.map(|run| {
+                    let at_ns = frame.meta.mid_exposure_ns;
+                    let speculative = run.speculative(at_ns, &image, &profile);
+                    (image, profile, speculative)
+                });
+                (posed, None)
+            }
+            Err(NotExtracted::Unreadable(error)) => (None, Some(error)),
+            Err(NotExtracted::Excluded) => (None, None),
+        };
+        Self {
+            message,
+            posed,
+            unreadable,
+        }
+    }
 }
 
 impl Replay<'_> {
@@ -514,10 +519,7 @@ impl Replay<'_> {
             .map_init(
                 || options.analyst(),
                 |analyst, message| match &message.record {
-                    Record::Frame(frame) => Some(match run {
-                        Some(run) => posed(analyst, run, frame),
-                        None => (analyst.analyse(frame), None),
-                    }),
+                    Record::Frame(frame) => Some(Analysed::of(analyst, run, frame)),
                     _ => None,
                 },
             )
@@ -537,11 +539,9 @@ impl Replay<'_> {
         let entry = match message.record {
             Record::Frame(frame) => {
                 if self.options.keep_images {
-                    let damaged = analysed.as_ref().is_some_and(|(profile, _)| {
-                        !profile.fault.is_empty() && is_damaged(&frame, self.options)
-                    });
+                    let unreadable = analysed.as_ref().and_then(|a| a.unreadable.as_ref());
                     let mut kept = frame.clone();
-                    if damaged {
+                    if matches!(unreadable, Some(FrameError::Damaged { .. })) {
                         // The new log says what the one it was made of did not.
                         kept.meta.fault = Some(FrameFault::BrokenJpeg);
                     }
@@ -554,8 +554,13 @@ impl Replay<'_> {
                     self.writer.write(log_ns, &Entry::frame(&kept, index))?;
                 }
                 self.index += 1;
-                if let Some((profile, pixels)) = analysed {
-                    self.count(&frame, &profile);
+                if let Some(Analysed {
+                    message: profile,
+                    posed,
+                    unreadable,
+                }) = analysed
+                {
+                    self.count(&frame, &profile, unreadable.is_some());
                     self.writer.write(log_ns, &Entry::profile(&profile))?;
                     if self.options.keep_images {
                         self.writer.write(
@@ -563,7 +568,7 @@ impl Replay<'_> {
                             &Entry::annotations(&messages::stripe_annotations(&profile)),
                         )?;
                     }
-                    self.write_pose(log_ns, frame.meta.mid_exposure_ns, pixels)?;
+                    self.write_pose(log_ns, frame.meta.mid_exposure_ns, posed)?;
                     if let Some(screen) = &mut self.screen {
                         screen.frame(&frame, &profile);
                         screen.done(self.report.frames, frame.meta.mid_exposure_ns, None);
@@ -703,7 +708,7 @@ impl Replay<'_> {
         Ok(())
     }
 
-    fn count(&mut self, frame: &Frame, profile: &StripeProfile) {
+    fn count(&mut self, frame: &Frame, profile: &StripeProfile, is_unreadable: bool) {
         let stamp_ns = frame.meta.mid_exposure_ns;
         if frame.meta.fault.is_none() {
             self.clipping.see(frame, &self.options.rule);
@@ -719,8 +724,7 @@ impl Replay<'_> {
         if profile.fault.is_empty() {
             report.with_stripe += 1;
         } else {
-            // Frames without a stripe are few: reading one again to know why costs nothing that counts.
-            if is_unread(frame, self.options) {
+            if is_unreadable {
                 report.undecodable += 1;
                 if report.undecodable_frames.len() < NAMED_MAX {
                     report.undecodable_frames.push(frame.meta.sequence);

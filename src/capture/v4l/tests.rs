@@ -71,6 +71,16 @@ fn open(
     )
 }
 
+/// The camera with JPEGs.
+fn open_mjpg(system: &FakeSystem, clock: &Arc<ManualClock>) -> V4lSource {
+    system.world().jpeg = true;
+    let camera = Camera {
+        pixel_format: PixelFormat::Mjpg,
+        ..rig_camera()
+    };
+    open(&camera, system, clock).unwrap()
+}
+
 struct Record {
     frames: Vec<Frame>,
     events: Vec<Event>,
@@ -244,16 +254,7 @@ fn damaged_and_short_frames_are_kept_and_marked() {
 #[test]
 fn half_a_jpeg_is_noticed_without_a_flag() {
     let (system, clock) = system();
-    system.world().jpeg = true;
-    let mut source = open(
-        &Camera {
-            pixel_format: PixelFormat::Mjpg,
-            ..rig_camera()
-        },
-        &system,
-        &clock,
-    )
-    .unwrap();
+    let mut source = open_mjpg(&system, &clock);
     let at = clock.monotonic_ns() + 2_000 * MS;
     system.world().faults.push_back((at, Fault::Halve));
     let r = go(&mut source, &clock, 4.0);
@@ -265,12 +266,7 @@ fn half_a_jpeg_is_noticed_without_a_flag() {
 #[test]
 fn a_hole_between_the_markers_of_a_jpeg_makes_its_frame_faulty() {
     let (system, clock) = system();
-    system.world().jpeg = true;
-    let camera = Camera {
-        pixel_format: PixelFormat::Mjpg,
-        ..rig_camera()
-    };
-    let mut source = open(&camera, &system, &clock).unwrap();
+    let mut source = open_mjpg(&system, &clock);
     let at = clock.monotonic_ns() + 2_000 * MS;
     system.world().faults.push_back((at, Fault::Hole));
     let r = go(&mut source, &clock, 4.0);
@@ -288,12 +284,7 @@ fn a_hole_between_the_markers_of_a_jpeg_makes_its_frame_faulty() {
 #[test]
 fn a_jpeg_is_looked_into_when_its_buffer_is_back_with_the_driver() {
     let (system, clock) = system();
-    system.world().jpeg = true;
-    let camera = Camera {
-        pixel_format: PixelFormat::Mjpg,
-        ..rig_camera()
-    };
-    let mut source = open(&camera, &system, &clock).unwrap();
+    let mut source = open_mjpg(&system, &clock);
     let start_ns = clock.monotonic_ns();
     let at = start_ns + 200 * MS;
     system.world().faults.push_back((at, Fault::Hole));

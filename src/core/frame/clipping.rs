@@ -3,7 +3,7 @@
 //! The stripe's fit knows clipped pixels by their level. A green laser that clips green alone makes a luma of 182 at
 //! most: its flat top then passes for the line's shape. The cure is to read the channel; here it is only noticed.
 
-use super::{Channel, Frame, FrameError, GreyImage, GreyRule};
+use super::{Channel, Frame, FrameError, GreyImage, GreyRule, still};
 
 /// From this level on a pixel counts as clipped, as for the stripe.
 const CLIPPED_FROM: u8 = 254;
@@ -66,7 +66,7 @@ impl std::fmt::Display for HiddenClipping {
 
 impl Frame {
     /// Clipping that the frame's luma does not show; `None` where there is none, or a channel is read as it is. Takes as
-    /// long as four conversions: ask it of samples.
+    /// long as four conversions, of a compressed frame with one decoding: ask it of samples.
     ///
     /// # Errors
     /// As [`Frame::inspect`].
@@ -75,9 +75,10 @@ impl Frame {
             return Ok(None);
         }
         // Whatever its blocks look like: clipping is said of a stream, not of a frame.
-        worst(rule, |rule| {
-            self.inspect(rule).map(|inspected| inspected.image)
-        })
+        if self.format.is_compressed() {
+            return still::hidden_in_frame(self, rule);
+        }
+        worst(rule, |rule| self.to_grey(rule))
     }
 }
 

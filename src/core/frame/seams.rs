@@ -10,6 +10,8 @@
 //! Not to be seen: changes no larger than noise and quantization, those of colour alone, weak ones of several patterns
 //! at once, and most of those in blocks at the border.
 
+use std::sync::LazyLock;
+
 use super::jpeg::{Grid, JpegDamage};
 
 /// Side of a block \[px\].
@@ -123,7 +125,7 @@ fn median(values: &mut [f32]) -> f32 {
 }
 
 /// Seams that a unit of each pattern makes around its block, by row and column of its frequency.
-fn patterns() -> Vec<[f32; 32]> {
+static PATTERNS: LazyLock<Vec<[f32; 32]>> = LazyLock::new(|| {
     let cosine = |u: usize, x: usize| {
         let scale = if u == 0 { 0.125f32.sqrt() } else { 0.5 };
         scale * (std::f32::consts::PI * (2 * x + 1) as f32 * u as f32 / 16.0).cos()
@@ -144,7 +146,7 @@ fn patterns() -> Vec<[f32; 32]> {
         }
     }
     all
-}
+});
 
 /// Blocks that look like damage, of an image's grey levels held against its grid.
 pub(super) fn flagged(pixels: &[u8], width_px: usize, grid: &Grid) -> Vec<JpegDamage> {
@@ -186,17 +188,16 @@ impl Usual {
 fn blocks(seams: &Seams, grid: &Grid, usual: &Usual) -> Vec<JpegDamage> {
     let mut found = Vec::new();
     let looked_at = 4.0 * SIDE as f32 * (BEYOND * usual.pixel()).powi(2);
-    let patterns = patterns();
     for (row, column) in seams.inner() {
         let around = seams.around(row, column);
         let energy = dot(&around, &around);
         if energy < looked_at {
             continue;
         }
-        let shift = &patterns[0];
+        let shift = &PATTERNS[0];
         let (shift_length, on_shift) = (dot(shift, shift), dot(&around, shift));
         let mut best: (f32, f32) = (0.0, 0.0);
-        for (pattern, step) in patterns.iter().zip(grid.steps).skip(1) {
+        for (pattern, step) in PATTERNS.iter().zip(grid.steps).skip(1) {
             let (length, on, both) = (
                 dot(pattern, pattern),
                 dot(&around, pattern),

@@ -12,6 +12,7 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use super::clipping::{HiddenClipping, worst};
 use super::grey::{full_scale, level, luma};
+use super::jpeg::Grid;
 use super::{
     COMPRESSED_MAX_PX, Channel, Frame, FrameError, GreyImage, GreyRule, JpegDamage, PictureBlocks,
     PixelFormat, WholeJpeg, seams,
@@ -74,9 +75,7 @@ pub fn read_still(bytes: &[u8], rule: &GreyRule) -> Result<GreyImage, StillError
 /// # Errors
 /// [`StillError`], not for blocks.
 pub fn inspect_still(bytes: &[u8], rule: &GreyRule) -> Result<InspectedImage, StillError> {
-    let (image, seams) = decoded(bytes)?;
-    let image = grey(image, rule);
-    Ok(InspectedImage { image, seams })
+    Ok(decoded(bytes)?.inspected(rule))
 }
 
 /// Clipping that the luma of an image file does not show, whatever its blocks look like; `None` where there is none, or a
@@ -91,15 +90,49 @@ pub fn hidden_in_still(
     if rule.channel != Channel::Luma {
         return Ok(None);
     }
-    let (image, _) = decoded(bytes)?;
+    let image = decoded(bytes)?.upright();
     if !image.color().has_color() {
         return Ok(None);
     }
+    hidden(&image, rule)
+}
+
+/// The same of a compressed frame, decoded once for all channels.
+pub(super) fn hidden_in_frame(
+    frame: &Frame,
+    rule: &GreyRule,
+) -> Result<Option<HiddenClipping>, FrameError> {
+    hidden(&frame_decoded(frame)?.upright(), rule)
+}
+
+fn hidden<E>(image: &DynamicImage, rule: &GreyRule) -> Result<Option<HiddenClipping>, E> {
     worst(rule, |rule| Ok(grey(image.clone(), rule)))
 }
 
-/// Pixels of an image, and its blocks that look like damage.
-type Decoded = (DynamicImage, Vec<JpegDamage>);
+/// An image as it is stored.
+struct Decoded {
+    image: DynamicImage,
+    turned: Orientation,
+    /// Grid of a JPEG's blocks, where they lie on the image's own.
+    grid: Option<Grid>,
+}
+
+impl Decoded {
+    fn upright(self) -> DynamicImage {
+        let mut image = self.image;
+        image.apply_orientation(self.turned);
+        image
+    }
+
+    fn inspected(self, rule: &GreyRule) -> InspectedImage {
+        let seams = self.grid.as_ref().map_or_else(Vec::new, |grid| {
+            let grey = self.image.to_luma8();
+            seams::flagged(grey.as_raw(), grey.width() as usize, grid)
+        });
+        let image = grey(self.upright(), rule);
+        InspectedImage { image, seams }
+    }
+}
 
 fn decoded(bytes: &[u8]) -> Result<Decoded, StillError> {
     let kind = image::guess_format(bytes)?;
@@ -158,16 +191,13 @@ fn unpacked(bytes: &[u8], kind: ImageFormat, turned: Orientation) -> Result<Deco
     let bytes = jpeg
         .as_ref()
         .map_or(Cow::Borrowed(bytes), WholeJpeg::with_tables);
-    let mut image = ImageReader::with_format(Cursor::new(&bytes), kind).decode()?;
-    let seams = match jpeg.and_then(|jpeg| jpeg.grid) {
-        Some(grid) => {
-            let grey = image.to_luma8();
-            seams::flagged(grey.as_raw(), grey.width() as usize, &grid)
-        }
-        None => Vec::new(),
-    };
-    image.apply_orientation(turned);
-    Ok((image, seams))
+    let image = ImageReader::with_format(Cursor::new(&bytes), kind).decode()?;
+    let grid = jpeg.and_then(|jpeg| jpeg.grid);
+    Ok(Decoded {
+        image,
+        turned,
+        grid,
+    })
 }
 
 /// The format that an image file's bytes say they have.
@@ -195,6 +225,10 @@ pub fn still_size(bytes: &[u8], format: PixelFormat) -> Option<(u32, u32)> {
 
 /// The grey levels of a compressed frame, and what its seams show.
 pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<InspectedImage, FrameError> {
+    Ok(frame_decoded(frame)?.inspected(rule))
+}
+
+fn frame_decoded(frame: &Frame) -> Result<Decoded, FrameError> {
     let sequence = frame.meta.sequence;
     let (kind, format) = kind(frame.format);
     let failed = |error: StillError| match error {
@@ -227,9 +261,7 @@ pub(super) fn of_frame(frame: &Frame, rule: &GreyRule) -> Result<InspectedImage,
             got: head.size_px,
         });
     }
-    let (image, seams) = unpacked(&frame.data, kind, turned).map_err(failed)?;
-    let image = grey(image, rule);
-    Ok(InspectedImage { image, seams })
+    unpacked(&frame.data, kind, turned).map_err(failed)
 }
 
 /// The grey levels of a decoded image. Without colours every channel is the same.

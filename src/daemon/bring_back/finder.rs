@@ -81,7 +81,7 @@ impl Finder {
     pub fn look(&mut self, frame: &Frame) -> Look {
         let (profile, whole) = self.analyst.analyse_whole(frame);
         let hints_m = self.hints_m();
-        let fit = whole.and_then(|(image, stripe)| {
+        let fit = whole.ok().and_then(|(image, stripe)| {
             hints_m.into_iter().find_map(|x_m| {
                 let hint = Hint {
                     x_m: Some(x_m),

@@ -5,7 +5,7 @@ use super::{
     Job, PoseCounts, RecordError, Shared, calibrating, floor, mailbox::Taken,
     measured_pose::MeasuredPose,
 };
-use crate::analysis::Analyst;
+use crate::analysis::{Analyst, NotExtracted};
 use crate::calibrate::live::Live;
 use crate::response::Found;
 use hydroline_calib::plane::PlaneMap;
@@ -199,8 +199,8 @@ pub(super) fn analysis(
             match shared.newest.take(LOOK) {
                 Taken::Item(frame) => {
                     let (profile, pixels) = analyst.analyse_whole(&frame);
-                    shared.progress(|p| p.looked_at(&frame.meta, pixels.is_some()));
-                    if frame.meta.fault.is_none() && pixels.is_none() {
+                    shared.progress(|p| p.looked_at(&frame.meta, pixels.is_ok()));
+                    if matches!(pixels, Err(NotExtracted::Unreadable(_))) {
                         unread.frame(shared, &frame, &profile.fault);
                     }
                     unread.picture(shared, analyst.blocks());
@@ -210,7 +210,7 @@ pub(super) fn analysis(
                     if let Some(desk) = &shared.desk {
                         desk.show(&frame, &profile);
                     }
-                    if let (Some(live), Some((image, _))) = (&mut live, &pixels) {
+                    if let (Some(live), Ok((image, _))) = (&mut live, &pixels) {
                         let stamp_ns = frame.meta.mid_exposure_ns;
                         calibrating::look(shared, live, image, stamp_ns, ends);
                     } else if let Some(floor) = floor::floor(&floor::points(&profile), h_centre_m) {
@@ -221,7 +221,7 @@ pub(super) fn analysis(
                         p.analysed += 1;
                         p.points = profile.row_px.len();
                     });
-                    if let (true, Some((image, full))) = (with_poses, pixels) {
+                    if let (true, Ok((image, full))) = (with_poses, pixels) {
                         shared.stripes.put(Seen {
                             stamp_ns: frame.meta.mid_exposure_ns,
                             received_ns: frame.meta.received_monotonic_ns,

@@ -84,7 +84,7 @@ fn of_opening(log: &Path, options: &Options, run: &PoseRun) -> Result<Found, Rep
         let Record::Frame(frame) = message?.record else {
             continue;
         };
-        if let (_, Some((image, profile))) = analyst.analyse_whole(&frame) {
+        if let (_, Ok((image, profile))) = analyst.analyse_whole(&frame) {
             opening.look(frame.meta.mid_exposure_ns, &image, &profile);
         }
         if opening.is_over() {

@@ -1,6 +1,6 @@
 //! `replay --refine`: what the frames of a log share is refined first, then each is fitted under it.
 
-use super::{BATCH, Options, ReplayError, posed};
+use super::{Analysed, BATCH, Options, ReplayError};
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_log::Record;
 use hydroline_pose::joint::Hint;
@@ -125,7 +125,7 @@ fn look(pending: &mut Vec<Frame>, follow: &mut PoseRun, options: &Options, sprea
         .par_iter()
         .map_init(
             || options.analyst(),
-            |analyst, frame| posed(analyst, follow, frame).1,
+            |analyst, frame| Analysed::of(analyst, Some(&*follow), frame).posed,
         )
         .collect();
     for (frame, pixels) in pending.drain(..).zip(analysed) {

@@ -1,6 +1,6 @@
 //! `replay --smooth`: the poses of a whole log first, bound together, then written frame by frame.
 
-use super::{BATCH, Options, ReplayError, posed};
+use super::{Analysed, BATCH, Options, ReplayError};
 use hydroline_core::frame::Frame;
 use hydroline_log::Record;
 use hydroline_log::messages::{
@@ -118,7 +118,10 @@ fn measure(
         .par_iter()
         .map_init(
             || options.analyst(),
-            |analyst, frame| run.as_ref().and_then(|run| posed(analyst, run, frame).1),
+            |analyst, frame| {
+                run.as_ref()
+                    .and_then(|run| Analysed::of(analyst, Some(run), frame).posed)
+            },
         )
         .collect();
     for (frame, pixels) in pending.drain(..).zip(analysed) {
