@@ -462,7 +462,7 @@ type Posed = (GreyImage, Profile, Speculative);
 /// A frame's stripe.
 struct Analysed {
     message: StripeProfile,
-    /// What its pose follows from; `None` also where no run is followed.
+    /// Image, profile and fit of its pose; `None` also where no run is followed.
     posed: Option<Posed>,
     /// Why a frame that nothing marks as faulty cannot be read.
     unreadable: Option<FrameError>,

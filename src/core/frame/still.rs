@@ -1,6 +1,6 @@
 //! JPEG and PNG to grey levels: frames of cameras and logs, and image files.
 //!
-//! What is damaged has no grey levels ([`WholeJpeg`]; PNG has checksums; blocks that look like damage, unless
+//! A damaged image has no grey levels ([`WholeJpeg`]; PNG has checksums; blocks that look like damage, unless
 //! [`PictureBlocks`] explain them), and what EXIF says of how the camera was held
 //! is heeded, so that rows are rows and columns are columns.
 

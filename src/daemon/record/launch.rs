@@ -60,7 +60,7 @@ pub(super) enum Next {
         pose: [f64; 6],
         /// Severity of the words.
         severity: Severity,
-        /// What is known of the place.
+        /// Knowledge of the place.
         words: String,
     },
     /// The plan does not begin, for this reason.
@@ -93,7 +93,7 @@ pub(super) struct Launch {
     pose_ns: Option<u64>,
     /// Number of poses, all so far, from which the plan would leave tank or limits.
     leaving: u32,
-    /// What it would do from the last of them.
+    /// Violation from the last of them, in words.
     refusal: Option<String>,
     stage: Stage,
 }
@@ -269,7 +269,7 @@ impl Launch {
     }
 }
 
-/// What is simulated.
+/// Rig, plan and map that are simulated.
 struct Subject {
     rig: Rig,
     plan: Plan,

@@ -48,7 +48,7 @@ impl Yaml {
     /// Reads a text.
     ///
     /// # Errors
-    /// What is wrong, and the line in which that shows.
+    /// Fault, and the line in which it shows.
     pub fn parse(text: &str) -> Result<Yaml, String> {
         // Its prefix is copied for each tag that uses it.
         if text.contains("%TAG") {
