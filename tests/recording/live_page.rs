@@ -105,43 +105,72 @@ fn image_stripe_pose_and_loads_are_on_the_page_and_stop_stops() {
 /// Frames, or commands, that a busy computer loses by itself.
 const BY_ITSELF: u64 = 2;
 
+/// Pairs of runs, at most. What viewers cost they cost in every pair; the load of other programs comes and goes.
+const PAIRS: usize = 3;
+
 #[test]
 fn viewers_slow_and_hostile_cost_no_frame_and_no_command() {
     let _alone = crate::support::alone();
+    let mut costs = Vec::new();
+    for _ in 0..PAIRS {
+        match cost_of_viewers() {
+            None => return,
+            Some(cost) => costs.push(cost),
+        }
+    }
+    panic!("viewers cost something in each of {PAIRS} pairs of runs: {costs:#?}");
+}
+
+/// Cost of a crowd of viewers: a run with them against a run without; `None` for no cost.
+fn cost_of_viewers() -> Option<String> {
     let alone = finish(Recording::start(State::Unseen, 5.0));
     let running = Recording::start(State::Viewed, 5.0);
     let crowd = run::Crowd::gather(running.address());
     let beside = finish(running);
     let seen = crowd.leave();
-    // They are served last: on a busy computer a few times each.
-    assert!(seen.states > 8 && seen.pictures > 8, "{seen:?}");
-    assert!(
-        beside.lost() <= alone.lost() + BY_ITSELF,
-        "{} frames lost with viewers, {} without",
-        beside.lost(),
-        alone.lost()
-    );
     let commands = |ended: &run::Ended| {
         let stats = ended.report.thrusters.unwrap();
         stats.skipped + stats.losses
     };
-    assert!(
-        commands(&beside) <= commands(&alone) + BY_ITSELF,
-        "{} commands lost with viewers, {} without",
-        commands(&beside),
-        commands(&alone)
-    );
     let sets = |ended: &run::Ended| ended.report.thrusters.unwrap().sets as f64;
-    assert!(
-        (sets(&beside) / sets(&alone) - 1.0).abs() < 0.2,
-        "{} {}",
-        sets(&beside),
-        sets(&alone)
-    );
-    // The capture thread is kept away from its camera no longer than without them, within what two busy cores scatter.
-    let (with, without) = (beside.away_ms(0.5), alone.away_ms(0.5));
-    assert!(
-        with < 20.0 * without + 1.0,
-        "{with} ms with viewers, {without} ms without"
-    );
+    let (with_ms, without_ms) = (beside.away_ms(0.5), alone.away_ms(0.5));
+    let costs = [
+        // They are served last: on a busy computer a few times each.
+        (
+            seen.states <= 8 || seen.pictures <= 8,
+            format!("viewers are not served: {seen:?}"),
+        ),
+        (
+            beside.lost() > alone.lost() + BY_ITSELF,
+            format!(
+                "{} frames lost with viewers, {} without",
+                beside.lost(),
+                alone.lost()
+            ),
+        ),
+        (
+            commands(&beside) > commands(&alone) + BY_ITSELF,
+            format!(
+                "{} commands lost with viewers, {} without",
+                commands(&beside),
+                commands(&alone)
+            ),
+        ),
+        (
+            (sets(&beside) / sets(&alone) - 1.0).abs() >= 0.2,
+            format!(
+                "{} commands with viewers, {} without",
+                sets(&beside),
+                sets(&alone)
+            ),
+        ),
+        // The capture thread is kept away from its camera no longer than without them, within what two busy cores scatter.
+        (
+            with_ms >= 20.0 * without_ms + 1.0,
+            format!("away from the camera {with_ms} ms with viewers, {without_ms} ms without"),
+        ),
+    ];
+    costs
+        .into_iter()
+        .find_map(|(costly, said)| costly.then_some(said))
 }
