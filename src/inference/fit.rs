@@ -24,7 +24,7 @@ use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
 
 /// Body, noise and priors that all fits of one search share.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Problem {
     /// Rig and recorded runs, prepared for the likelihood.
     pub body: Body,
@@ -46,6 +46,8 @@ pub struct Effort {
     /// The first steps are made under the random forces given, whatever residuals say of them at the start: a small force
     /// looks for the mode that explains the motion, and a large one forgives all.
     pub as_given: bool,
+    /// Random forces stay as they are given, and are not summed over: for fits that know of none.
+    pub forces_held: bool,
 }
 
 impl Effort {
@@ -55,6 +57,7 @@ impl Effort {
         rounds: 4,
         decrement: 0.02,
         as_given: false,
+        forces_held: false,
     };
 }
 
@@ -406,6 +409,10 @@ impl Problem {
     /// Fits a model from a point.
     pub fn fit(&self, terms: &[usize], start: &[f64], cells: Cells, effort: Effort) -> Option<Fit> {
         let at: Point = start.to_vec();
+        let effort = Effort {
+            forces_held: effort.forces_held || !self.noises.has_force,
+            ..effort
+        };
         let mut descent = Descent {
             problem: self,
             terms,
@@ -419,7 +426,7 @@ impl Problem {
         let mut cells = cells;
         let mut seen: Vec<Cells> = Vec::new();
         for round in 0..effort.rounds {
-            let chosen = if round == 0 && effort.as_given {
+            let chosen = if effort.forces_held || round == 0 && effort.as_given {
                 cells.clone()
             } else {
                 descent.choose(&cells)
@@ -440,7 +447,10 @@ impl Problem {
         } = descent;
         let (information, _, cost) = equations.sum(&all, &cells, &number_prior, &at);
         let root = Cholesky::new(information)?;
-        let (sizes, more) = equations.sizes(&all, &cells, &number_prior, &at);
+        let (sizes, more) = match effort.forces_held {
+            true => (Vec::new(), 0.0),
+            false => equations.sizes(&all, &cells, &number_prior, &at),
+        };
         let used: usize = self
             .noises
             .used

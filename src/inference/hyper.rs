@@ -27,9 +27,21 @@ pub struct Noises {
     pub channels: PerChannel<Option<Noise>>,
     /// Per run, sample and channel.
     pub used: Vec<Vec<PerChannel<bool>>>,
+    /// sd per channel below which likelihoods do not look: a coarsened likelihood (Miller and Dunson 2019, JASA 114).
+    pub floor_sd: PerChannel<f64>,
+    /// Whether models have random forces beside it.
+    pub has_force: bool,
 }
 
 impl Noises {
+    /// Noise that a likelihood takes a channel for: the instrument's, its white part no less than the floor.
+    pub fn scored(&self, channel: Channel) -> Option<Noise> {
+        self.channels[channel].map(|n| Noise {
+            white_sd: n.white_sd.max(self.floor_sd[channel]),
+            ..n
+        })
+    }
+
     /// Channels that are noisier than before stay as they were.
     pub fn no_larger_than(&mut self, before: &Noises) {
         for c in Channel::ALL {
@@ -52,6 +64,8 @@ impl Noises {
         Noises {
             channels: PerChannel::splat(None),
             used: Vec::new(),
+            floor_sd: PerChannel::splat(0.0),
+            has_force: true,
         }
     }
 }
@@ -257,7 +271,7 @@ pub fn filters(body: &Body, worth: &Worth, noises: &Noises, dof: usize, cell: Ce
 /// The same for any force.
 pub fn with_force(body: &Body, noises: &Noises, dof: usize, force: Force) -> Vec<Filter> {
     let both = Channel::of(dof);
-    let instruments: Instruments = both.map(|c| noises.channels[c]);
+    let instruments: Instruments = both.map(|c| noises.scored(c));
     body.recording
         .runs
         .iter()

@@ -21,6 +21,7 @@
 
 pub mod body;
 pub mod closed;
+pub mod coarse;
 mod equations;
 pub mod filter;
 pub mod fit;

@@ -86,6 +86,8 @@ pub fn estimate(
     });
     let mut made = Noises {
         channels: PerChannel::splat(None),
+        floor_sd: before.map_or(PerChannel::splat(0.0), |b| b.floor_sd),
+        has_force: before.is_none_or(|b| b.has_force),
         used: body
             .recording
             .runs

@@ -78,6 +78,8 @@ impl Problem {
             worth: Worth::none(),
             noises: Noises {
                 channels: noise,
+                floor_sd: PerChannel::splat(0.0),
+                has_force: true,
                 used: vec![used],
             },
             body,

@@ -3,6 +3,8 @@
 //! The response is finite (the candidate at a typical size), so that thresholds and delays, whose derivative at nothing
 //! is nothing, are asked as well. It is projected off everything that the model can already do.
 
+pub mod pair;
+
 use std::collections::BTreeMap;
 
 use hydroline_core::run::PerChannel;

@@ -3,6 +3,7 @@
 //! Textbook loop: of all models visited the likeliest that was not yet looked at is expanded; what lies outside of
 //! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function.
 
+mod coarse;
 mod noise;
 mod proposals;
 
@@ -62,6 +63,11 @@ pub struct Options {
     pub may_give_up: [bool; 6],
     /// Fits after which that is asked.
     pub give_up_after: usize,
+    /// Share of what the best model leaves below which evidence is not asked for: there the likelihood would say which model
+    /// follows best what none of them explains.
+    pub floor_share: f64,
+    /// The same as a share of the tolerance: less than that matters to nobody.
+    pub floor_over_tolerance: f64,
 }
 
 impl Default for Options {
@@ -86,6 +92,8 @@ impl Default for Options {
             shorter_gain: 20f64.ln(),
             may_give_up: [false; 6],
             give_up_after: 30,
+            floor_share: 0.3,
+            floor_over_tolerance: 0.05,
         }
     }
 }
@@ -127,6 +135,10 @@ struct Search<'a> {
     cost: usize,
     options: Options,
     progress: &'a (dyn Fn(&str) + Sync),
+    /// Models by least squares of the motion.
+    squares: Vec<Fit>,
+    /// Of these the one that predicts the runs left out best.
+    predicting: Option<coarse::Coarse>,
 }
 
 type Job = (Vec<usize>, Vec<f64>, Cells);
@@ -319,12 +331,15 @@ pub fn search(
         cost: 0,
         options,
         progress,
+        squares: Vec::new(),
+        predicting: None,
     };
     search.alone();
     search.best()?;
     if search.renew_noise(false) {
         search.rescore();
     }
+    search.explain_most();
     search.run();
     for _ in 0..options.noise_rounds {
         if search.gives_up() || !search.renew_noise(false) {
@@ -337,6 +352,7 @@ pub fn search(
     if !search.gives_up() {
         search.with_shorter_noise(options.cost / 3);
     }
+    search.decide_by_prediction();
     Some(search.found())
 }
 
@@ -370,6 +386,8 @@ pub(super) fn resumed(
             ..options
         },
         progress,
+        squares: Vec::new(),
+        predicting: None,
     };
     search.run();
     search.found()

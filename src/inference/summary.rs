@@ -224,6 +224,8 @@ impl Problem {
             worth: self.worth.clone(),
             noises: Noises {
                 channels: self.noises.channels,
+                floor_sd: self.noises.floor_sd,
+                has_force: self.noises.has_force,
                 used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
             },
             body,
@@ -253,6 +255,8 @@ impl Problem {
             worth: self.worth.clone(),
             noises: Noises {
                 channels: self.noises.channels,
+                floor_sd: self.noises.floor_sd,
+                has_force: self.noises.has_force,
                 used,
             },
             body,
@@ -273,11 +277,15 @@ impl Problem {
     /// Innovations of a fitted model over their sd, per run, DOF and channel, under the instruments' noise alone.
     pub fn innovations(&self, terms: &[usize], point: &[f64]) -> Vec<(usize, Vec<Vec<[f64; 2]>>)> {
         let predicted = self.predicted(terms, point);
+        let instruments = Noises {
+            floor_sd: PerChannel::splat(0.0),
+            ..self.noises.clone()
+        };
         self.body
             .dofs
             .iter()
             .map(|&d| {
-                let filters = with_force(&self.body, &self.noises, d, Force::NONE);
+                let filters = with_force(&self.body, &instruments, d, Force::NONE);
                 let runs = predicted.iter().zip(&filters).enumerate();
                 let white = runs.map(|(run, (v, f))| self.white_residual(run, d, v, f));
                 (d, white.collect())

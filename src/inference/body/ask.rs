@@ -19,7 +19,7 @@ use crate::size::Size;
 use crate::term::{Candidate, Ground, Ranges, candidates, tables};
 
 /// Longest RK4 step \[s\].
-const STEP_MAX_S: f64 = 0.04;
+const STEP_MAX_S: f64 = 0.05;
 /// Step over the time constant of the vehicle's fastest motion: RK4's error of a decay is then below 1e-6 per step.
 const STEP_SHARE: f64 = 0.25;
 /// Scale of a coefficient of which the rig says 0, over that of Table 9's range.

@@ -38,6 +38,8 @@ impl Search<'_> {
         let kept = Noises {
             channels: before.channels,
             used: noises.used.clone(),
+            floor_sd: before.floor_sd,
+            has_force: before.has_force,
         };
         let [old, new] = [kept, noises].map(|noises| {
             self.problem.noises = noises;

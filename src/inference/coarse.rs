@@ -1,0 +1,152 @@
+//! Fits by the simulation error alone: no random force, and white noise as large as what the model misses.
+//!
+//! Under a random force of any size an instrument that is much better than the model says of accelerations only how they
+//! scatter; what a law explains of the motion drowns in it. A person looks first for what explains most of the misfit.
+
+use hydroline_core::run::PerChannel;
+use hydroline_numerics::noise::Noise;
+use hydroline_numerics::{cancel, parallel};
+
+use super::fit::{Effort, Fit, Problem};
+use super::hyper::{Cell, Cells, Tables};
+use super::summary::Rms;
+
+/// Fits, each with the noise that the one before left.
+const ROUNDS: usize = 3;
+/// Change of a misfit's logarithm below which its noise stays.
+const SAME_MISFIT: f64 = 0.05;
+/// Lags over which the correlation of what is left is summed, as a share of a run.
+const LAGS: f64 = 0.25;
+
+/// Fits that know of no random force.
+const BY_SQUARES: Effort = Effort {
+    forces_held: true,
+    rounds: 1,
+    steps: 12,
+    decrement: 0.5,
+    ..Effort::DEFAULT
+};
+
+impl Problem {
+    /// The same runs by instruments as coarse as this: white noise in every channel, where their own is less.
+    #[must_use]
+    pub fn coarse(&self, sd: &Rms) -> Problem {
+        let mut made = self.clone();
+        made.blur(sd, self);
+        made
+    }
+
+    /// White noise of `sd` in every channel, where that of `sharp` is less.
+    fn blur(&mut self, sd: &Rms, sharp: &Problem) {
+        self.noises.channels = PerChannel::from_fn(|c| {
+            sharp.noises.channels[c].map(|n| Noise {
+                white_sd: sd[c].max(n.total_sd()),
+                coloured_sd: 0.0,
+                ..n
+            })
+        });
+        self.noises.floor_sd = PerChannel::splat(0.0);
+    }
+
+    /// Least squares of the motion: the point at which a model leaves least, every channel in units of what it leaves there.
+    /// `tables` = sizes of its tables. Scores of such fits compare models that were fitted under one noise only.
+    pub fn least_squares(&self, terms: &[usize], start: &[f64], tables: &Tables) -> Option<Fit> {
+        let cells = Cells {
+            tables: tables.clone(),
+            ..Cells::of([Cell::default(); 6])
+        };
+        let mut left = self.left(terms, start);
+        let mut coarse = self.coarse(&left);
+        let mut made: Option<Fit> = None;
+        for _ in 0..ROUNDS {
+            let from = made.as_ref().map_or(start, |f| &f.point);
+            let fit = coarse.fit(terms, from, cells.clone(), BY_SQUARES)?;
+            let now = self.left(terms, &fit.point);
+            let change = now.iter().zip(&left).map(|(a, b)| (a / b).ln().abs());
+            let change = change.filter(|v| v.is_finite()).fold(0.0, f64::max);
+            made = Some(fit);
+            if change < SAME_MISFIT {
+                break;
+            }
+            left = now;
+            coarse.blur(&left, self);
+        }
+        made
+    }
+
+    /// rms that each run leaves where the others predict it, all by least squares; of a single run what it leaves itself.
+    pub fn left_by_others(&self, fit: &Fit) -> Option<Vec<Rms>> {
+        let runs = self.body.recording.runs.len();
+        if runs < 2 {
+            return Some(self.left_by_run(&self.predicted(&fit.terms, &fit.point)));
+        }
+        let places = self.body.start_places(&fit.terms);
+        let outs: Vec<usize> = (0..runs).collect();
+        let each = parallel::map_slice(&outs, |&out| {
+            cancel::check();
+            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
+            let part = self.only(&others);
+            let mut from = fit.point[..places[0]].to_vec();
+            for r in &others {
+                from.extend(&fit.point[places[*r]..places[r + 1]]);
+            }
+            let made = part.least_squares(&fit.terms, &from, &fit.cells.tables)?;
+            let one = self.only(&[out]);
+            let coarse = one.coarse(&part.left(&made.terms, &made.point));
+            let point = coarse.with_starts(&made.terms, &made.point)?;
+            Some(one.left(&made.terms, &point))
+        });
+        each.into_iter().collect()
+    }
+
+    /// Number of independent samples that each channel's residuals are worth, by the sum of their autocorrelations up to the
+    /// first that is negative (initial positive sequence, Geyer 1992); NaN = not measured.
+    pub fn independent_samples(&self, fit: &Fit) -> Rms {
+        let predicted = self.predicted(&fit.terms, &fit.point);
+        PerChannel::from_fn(|c| {
+            if self.noises.channels[c].is_none() {
+                return f64::NAN;
+            }
+            let mut count = 0.0;
+            for (run, predicted) in predicted.iter().enumerate() {
+                let r = &self.body.recording.runs[run];
+                let used = &self.noises.used[run];
+                let left: Vec<f64> = (0..used.len())
+                    .filter(|k| used[*k][c])
+                    .map(|k| r.measured(k)[c] - predicted[k][c])
+                    .collect();
+                let n = left.len();
+                let power: f64 = left.iter().map(|v| v * v).sum();
+                if power <= 0.0 {
+                    continue;
+                }
+                let most = (LAGS * n as f64) as usize;
+                let at = |lag: usize| -> f64 {
+                    let pairs = left.iter().zip(&left[lag..]);
+                    pairs.map(|(a, b)| a * b).sum::<f64>() / power
+                };
+                let positive = (1..most).map(at).take_while(|rho| *rho > 0.0);
+                count += n as f64 / (1.0 + 2.0 * positive.sum::<f64>());
+            }
+            count
+        })
+    }
+
+    /// Number of samples of each channel that count.
+    pub fn samples(&self) -> Rms {
+        PerChannel::from_fn(|c| {
+            let all = self.noises.used.iter().flatten();
+            all.filter(|u| u[c]).count() as f64
+        })
+    }
+
+    /// Score of a model by the simulation error alone, under instruments that are this coarse; its numbers with the
+    /// covariance that they leave.
+    pub fn scored_by_squares(&self, fit: &Fit) -> Option<Fit> {
+        let cells = Cells {
+            tables: fit.cells.tables.clone(),
+            ..Cells::of([Cell::default(); 6])
+        };
+        self.fit(&fit.terms, &fit.point, cells, BY_SQUARES)
+    }
+}
