@@ -135,6 +135,7 @@ impl<T: Real> Model<T> {
             mass: &own_mass,
             hydrodynamics: h,
             companions: companions.as_ref(),
+            given,
         };
         let mut own_rate = [T::zero(); OWN_STATES_MAX];
 
@@ -151,6 +152,10 @@ impl<T: Real> Model<T> {
         let mut drag = equations::damping(h, moment.nu_r);
         self.effects.drag(&moment, &mut drag);
         let mut force = equations::restoring(h, &eta, coupled);
+        if let Some(statics) = &h.hydrostatics {
+            let water = equations::hydrostatics(statics, &eta, coupled);
+            force = std::array::from_fn(|i| force[i] + water[i]);
+        }
         if coupled {
             let cross = equations::coriolis(h, &nu);
             force = std::array::from_fn(|i| force[i] + cross[i]);
