@@ -54,12 +54,7 @@ impl Size {
                 let (low, high) = extent(r.seen(Channel::POSES[d]));
                 (high - low).max(0.0)
             });
-            let stiffness = if matches!(d, 3 | 4) {
-                h.restoring_nm.abs()
-            } else {
-                0.0
-            };
-            let righting = 0.5 * stiffness * swing.fold(0.0, f64::max);
+            let righting = 0.5 * h.stiffness(d).abs() * swing.fold(0.0, f64::max);
             let drag = (h.linear[d] + h.quadratic[d] * fastest[d]).abs() * fastest[d];
             let beyond =
                 |load_n: f64| Some(load_n / LOADS[d]).filter(|f| *f > ALIKE && f.is_finite());
