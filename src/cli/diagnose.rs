@@ -16,7 +16,7 @@ use hydroline_rigs::{Dof, Rig};
 #[command(after_help = "\
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or images: their \
 stripes say what of camera, sheet, target and water the rig leaves out. The verdict is one of none, named, ambiguous, \
-unknown, data_fault. Angles of rudder and elevator and steady speeds that a log holds are inputs, and so is a DOF that moves \
+unknown, data_fault. Angles of rudder and elevator, shaft speed, waves and steady speeds that a log holds are inputs, and so is a DOF that moves \
 though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
 thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely. A log given alone is cut into \
 four runs, each predicted by the others.
