@@ -71,7 +71,7 @@ fn across_tables(typed: &mut RigTyped, root: &Section<'_>) {
     if let (Some(vehicle), Some(tank)) = (&mut typed.vehicle, &typed.tank)
         && vehicle.stiffness[0] != 0.0
     {
-        // What floats starts where it floats.
+        // A hull starts where it floats.
         vehicle.float_z_m = vehicle.float_z_m.or(Some(tank.start_pose[2]));
     }
     if let (Some(laser), Some(camera)) = (&typed.laser, &typed.camera)

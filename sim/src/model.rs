@@ -10,7 +10,7 @@ use crate::real::{Real, add_scaled};
 use crate::vehicle::{Hydrodynamics, VehicleState, equations, kinematics};
 use hydroline_rigs::{Rig, VehicleModel};
 
-/// How many own states all effects of a stack may have together.
+/// Number of own states that all effects of a stack may have together.
 pub const OWN_STATES_MAX: usize = 12;
 
 /// Vehicle state plus the effects' own states (thruster lag, energy drawn, ...).

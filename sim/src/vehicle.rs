@@ -65,7 +65,7 @@ pub struct Hydrodynamics<T = f64> {
     pub quadratic: [T; 6],
     /// r_Bz m g \[N m\]: restoring moment per unit sine (negative: stable).
     pub restoring_nm: T,
-    /// What the rig says of floating and weight; `None` = W = B, under water.
+    /// Floating and net weight, where the rig states any; `None` = W = B, under water.
     pub hydrostatics: Option<Hydrostatics<T>>,
 }
 

@@ -396,7 +396,7 @@ fn rates_of(
         hydrodynamics,
         effects: EffectStack::assemble(on, |_, _, v| v).ok()?,
     };
-    // What rests or was not measured drives nothing.
+    // A companion that rests, or was not measured, drives nothing.
     let moving = |c: usize| ground.companions[c].then(|| Curve::constant(BESIDE[c]));
     let beside = Given {
         companions: std::array::from_fn(moving),
