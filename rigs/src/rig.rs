@@ -68,6 +68,12 @@ fn across_tables(typed: &mut RigTyped, root: &Section<'_>) {
     typed.thrusters = read_thrusters(root);
     typed.limits = read_limits(&root.table_or_default("limits"), typed.tank.as_ref());
     typed.effective_toml = Some(String::new());
+    if let (Some(vehicle), Some(tank)) = (&mut typed.vehicle, &typed.tank)
+        && vehicle.stiffness[0] != 0.0
+    {
+        // A hull starts where it floats.
+        vehicle.float_z_m = vehicle.float_z_m.or(Some(tank.start_pose[2]));
+    }
     if let (Some(laser), Some(camera)) = (&typed.laser, &typed.camera)
         && laser.channel != Channel::Luma
         && !camera.pixel_format.has_colour()

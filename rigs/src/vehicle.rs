@@ -44,26 +44,64 @@ const fn negative(unit: &'static str) -> Quantity {
     number(-1e7, 0.0, unit).hint("SNAME signs: added mass and damping are negative (X_udot = -250)")
 }
 
+/// Stiffness of the water where the hull cuts its surface.
+const fn stiffness(unit: &'static str) -> Quantity {
+    number(0.0, 1e9, unit).hint(
+        "Positive: a hull that is pushed down, or heeled, comes back; 0 where it is under water",
+    )
+}
+
 table! {
-    /// Hydrodynamic coefficients of the translations, SNAME signs: negative for a real hull.
+    /// Hydrodynamic coefficients of surge and sway, SNAME signs: negative for a real hull.
     struct Translation as TranslationTyped {
-        /// Added mass: X_udot, Y_vdot, Z_wdot.
+        /// Added mass: X_udot, Y_vdot.
         pub added_kg: f64 = negative("kg"),
-        /// Linear damping: X_u, Y_v, Z_w.
+        /// Linear damping: X_u, Y_v.
         pub linear_kgps: f64 = negative("kg/s"),
-        /// Quadratic damping: X_u|u|, Y_v|v|, Z_w|w|.
+        /// Quadratic damping: X_u|u|, Y_v|v|.
         pub quadratic_kgpm: f64 = negative("kg/m"),
     }
 }
 
 table! {
-    /// Hydrodynamic coefficients of the rotations, SNAME signs: negative for a real hull.
-    struct Rotation as RotationTyped {
-        /// Added moment of inertia: K_pdot, M_qdot, N_rdot.
+    /// Hydrodynamic coefficients of heave, SNAME signs: negative for a real hull; and what a hull has that floats.
+    struct Heave as HeaveTyped {
+        /// Added mass Z_wdot.
+        pub added_kg: f64 = negative("kg"),
+        /// Linear damping Z_w.
+        pub linear_kgps: f64 = negative("kg/s"),
+        /// Quadratic damping Z_w|w|.
+        pub quadratic_kgpm: f64 = negative("kg/m"),
+        /// Hydrostatic stiffness: force up per metre that the hull lies deeper than `float_z_m`; water's density times gravity times
+        /// the area of its waterplane. 0 = under water.
+        pub stiffness_npm: f64 = stiffness("N/m").or(0.0).quiet(),
+        /// z of the CG at which the stiffness makes no force. Omitted: that of `tank.start_m`, where there is a stiffness.
+        pub float_z_m: Option<f64> = number(-1000.0, 1000.0, "m").optional(),
+    }
+}
+
+table! {
+    /// Hydrodynamic coefficients of roll and pitch, SNAME signs: negative for a real hull; and what a hull has that floats.
+    struct Tilt as TiltTyped {
+        /// Added moment of inertia: K_pdot, M_qdot.
         pub added_kgm2: f64 = negative("kg m2"),
-        /// Linear damping: K_p, M_q, N_r.
+        /// Linear damping: K_p, M_q.
         pub linear_kgm2ps: f64 = negative("kg m2/s"),
-        /// Quadratic damping: K_p|p|, M_q|q|, N_r|r|.
+        /// Quadratic damping: K_p|p|, M_q|q|.
+        pub quadratic_kgm2: f64 = negative("kg m2"),
+        /// Hydrostatic stiffness: righting moment of the waterplane per radian, beside that of `r_bz_m`. 0 = under water.
+        pub stiffness_nmprad: f64 = stiffness("N m/rad").or(0.0).quiet(),
+    }
+}
+
+table! {
+    /// Hydrodynamic coefficients of yaw, SNAME signs: negative for a real hull.
+    struct Rotation as RotationTyped {
+        /// Added moment of inertia N_rdot.
+        pub added_kgm2: f64 = negative("kg m2"),
+        /// Linear damping N_r.
+        pub linear_kgm2ps: f64 = negative("kg m2/s"),
+        /// Quadratic damping N_r|r|.
         pub quadratic_kgm2: f64 = negative("kg m2"),
     }
 }
@@ -88,12 +126,53 @@ impl Translation {
 }
 
 impl Rotation {
-    fn of(vehicle: &Vehicle, dof: Dof) -> Option<Self> {
-        let axis = vehicle.coefficients[dof.index()];
+    fn of(vehicle: &Vehicle) -> Option<Self> {
+        let axis = vehicle.coefficients[Dof::Yaw.index()];
         Some(Rotation {
             added_kgm2: axis.added,
             linear_kgm2ps: axis.linear,
             quadratic_kgm2: axis.quadratic,
+        })
+    }
+
+    fn axis(&self) -> AxisCoefficients {
+        AxisCoefficients {
+            added: self.added_kgm2,
+            linear: self.linear_kgm2ps,
+            quadratic: self.quadratic_kgm2,
+        }
+    }
+}
+
+impl Heave {
+    fn of(vehicle: &Vehicle) -> Option<Self> {
+        let axis = vehicle.coefficients[Dof::Heave.index()];
+        Some(Heave {
+            added_kg: axis.added,
+            linear_kgps: axis.linear,
+            quadratic_kgpm: axis.quadratic,
+            stiffness_npm: vehicle.stiffness[0],
+            float_z_m: vehicle.float_z_m,
+        })
+    }
+
+    fn axis(&self) -> AxisCoefficients {
+        AxisCoefficients {
+            added: self.added_kg,
+            linear: self.linear_kgps,
+            quadratic: self.quadratic_kgpm,
+        }
+    }
+}
+
+impl Tilt {
+    fn of(vehicle: &Vehicle, dof: Dof) -> Option<Self> {
+        let axis = vehicle.coefficients[dof.index()];
+        Some(Tilt {
+            added_kgm2: axis.added,
+            linear_kgm2ps: axis.linear,
+            quadratic_kgm2: axis.quadratic,
+            stiffness_nmprad: vehicle.stiffness[dof.index() - Dof::Heave.index()],
         })
     }
 
@@ -121,23 +200,33 @@ table! {
             number(-10.0, 10.0, "m").hint("Negative: centre of buoyancy above the centre of gravity"),
         /// Gravitational acceleration.
         pub gravity_mps2: f64 = number(0.0, 30.0, "m/s2").above().or(9.81),
+        /// Weight minus buoyancy, positive down: 0 = it hangs in the water or floats on it; in air its whole weight.
+        pub net_weight_n: f64 = number(-1e7, 1e7, "N").or(0.0).quiet(),
         key surge: Translation = table() => |v| Translation::of(v, Dof::Surge),
         key sway: Translation = table() => |v| Translation::of(v, Dof::Sway),
-        key heave: Translation = table() => |v| Translation::of(v, Dof::Heave),
-        key roll: Rotation = table() => |v| Rotation::of(v, Dof::Roll),
-        key pitch: Rotation = table() => |v| Rotation::of(v, Dof::Pitch),
-        key yaw: Rotation = table() => |v| Rotation::of(v, Dof::Yaw),
+        key heave: Heave = table() => Heave::of,
+        key roll: Tilt = table() => |v| Tilt::of(v, Dof::Roll),
+        key pitch: Tilt = table() => |v| Tilt::of(v, Dof::Pitch),
+        key yaw: Rotation = table() => Rotation::of,
         /// Coefficients in the order of [`Dof`].
         made coefficients: [AxisCoefficients; 6],
+        /// Hydrostatic stiffness in heave \[N/m\], roll and pitch \[N m/rad\]; positive restores, 0 = under water.
+        made stiffness: [f64; 3],
+        /// z of the CG, tank frame, at which the stiffness in heave makes no force \[m\]; `None` = no stiffness and none stated.
+        made float_z_m: Option<f64>,
     }
 }
 
 fn six_axes(typed: &mut VehicleTyped, _: &Section<'_>) {
-    let translations = [&typed.surge, &typed.sway, &typed.heave].map(|t| Some(t.as_ref()?.axis()));
-    let rotations = [&typed.roll, &typed.pitch, &typed.yaw].map(|r| Some(r.as_ref()?.axis()));
-    if let ([Some(u), Some(v), Some(w)], [Some(p), Some(q), Some(r)]) = (translations, rotations) {
-        typed.coefficients = Some([u, v, w, p, q, r]);
-    }
+    let (Some(u), Some(v), Some(w)) = (&typed.surge, &typed.sway, &typed.heave) else {
+        return;
+    };
+    let (Some(p), Some(q), Some(r)) = (&typed.roll, &typed.pitch, &typed.yaw) else {
+        return;
+    };
+    typed.coefficients = Some([u.axis(), v.axis(), w.axis(), p.axis(), q.axis(), r.axis()]);
+    typed.stiffness = Some([w.stiffness_npm, p.stiffness_nmprad, q.stiffness_nmprad]);
+    typed.float_z_m = Some(w.float_z_m);
 }
 
 impl Dof {
@@ -171,5 +260,59 @@ impl Dof {
     /// Position in SNAME order, 0..6.
     pub fn index(self) -> usize {
         self as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Rig;
+
+    /// The built-in rig with these lines below the heads of three of its tables.
+    fn floating(vehicle: &str, heave: &str, roll: &str) -> Rig {
+        let mut text = include_str!("../lshpi.toml").to_owned();
+        let lines = [
+            ("gravity_mps2 = 9.81\n", vehicle),
+            ("added_kg = -360\n", heave),
+            ("added_kgm2 = -4\n", roll),
+        ];
+        for (head, more) in lines {
+            assert_eq!(text.matches(head).count(), 1, "{head}");
+            text = text.replace(head, &format!("{head}{more}\n"));
+        }
+        Rig::from_toml(&text, "floating.toml", None).unwrap()
+    }
+
+    #[test]
+    fn a_rig_that_says_nothing_of_floating_keeps_its_text() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        assert_eq!(rig.vehicle.net_weight_n, 0.0);
+        assert_eq!(rig.vehicle.stiffness, [0.0; 3]);
+        assert_eq!(rig.vehicle.float_z_m, None);
+        for key in [
+            "net_weight_n",
+            "stiffness_npm",
+            "stiffness_nmprad",
+            "float_z_m",
+        ] {
+            assert!(!rig.effective_toml.contains(key), "{key}");
+        }
+    }
+
+    #[test]
+    fn what_floats_is_read_back_and_floats_where_it_starts_unless_said_otherwise() {
+        let rig = floating(
+            "net_weight_n = -2.5",
+            "stiffness_npm = 900",
+            "stiffness_nmprad = 12",
+        );
+        assert_eq!(rig.vehicle.net_weight_n, -2.5);
+        assert_eq!(rig.vehicle.stiffness, [900.0, 12.0, 0.0]);
+        assert_eq!(rig.vehicle.float_z_m, Some(rig.tank.start_pose[2]));
+        let again = Rig::from_toml(&rig.effective_toml, "again.toml", None).unwrap();
+        assert_eq!(again, rig);
+        let said = floating("", "stiffness_npm = 900\nfloat_z_m = -1.1", "");
+        assert_eq!(said.vehicle.float_z_m, Some(-1.1));
+        let again = Rig::from_toml(&said.effective_toml, "again.toml", None).unwrap();
+        assert_eq!(again, said);
     }
 }

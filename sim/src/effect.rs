@@ -63,6 +63,7 @@ mod refraction;
 mod registry;
 mod rolling_shutter;
 mod seiche;
+mod shaft_thrust;
 mod speckle;
 mod stack;
 mod table;
@@ -77,6 +78,7 @@ mod thruster_saturation;
 mod tone_curve;
 mod varying;
 mod wall_added_mass;
+mod wave_force;
 pub mod written_force;
 
 pub use brightness::Brightness;

@@ -8,6 +8,10 @@ use crate::real::Real;
 /// Angle of the rudder, angle of elevator or fins \[rad\], shaft speed \[rad/s\], height of the water's surface \[m\]: the
 /// places of the companions.
 pub const COMPANIONS: usize = 4;
+/// Place of the shaft speed \[rad/s\].
+pub(crate) const SHAFT: usize = 2;
+/// Place of the height of the water's surface at the vehicle \[m\], positive up.
+pub(crate) const WAVE: usize = 3;
 
 /// A cubic piece from a knot on: value, slope, and what the cubic needs to meet the next knot's value and slope.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +74,22 @@ impl Curve {
         let s = t_s - T::from_f64(piece.t_s);
         ((s * d + T::from_f64(c)) * s + T::from_f64(b)) * s + T::from_f64(a)
     }
+
+    /// First and second derivative at a time; 0 where the curve stays.
+    pub fn slopes_at<T: Real>(&self, t_s: T) -> [T; 2] {
+        let after = self.pieces.partition_point(|p| p.t_s <= t_s.value());
+        let Some(piece) = self.pieces.get(after.saturating_sub(1)) else {
+            return [T::zero(); 2];
+        };
+        let [_, b, c, d] = piece.by_power;
+        // Before the first knot there is no time since the last one.
+        if b == 0.0 && c == 0.0 && d == 0.0 {
+            return [T::zero(); 2];
+        }
+        let s = t_s - T::from_f64(piece.t_s);
+        let first = (s * (3.0 * d) + T::from_f64(2.0 * c)) * s + T::from_f64(b);
+        [first, s * (6.0 * d) + T::from_f64(2.0 * c)]
+    }
 }
 
 /// Given series of one run.
@@ -125,6 +145,23 @@ mod tests {
         }
         let seen = curve.at(Dual::<2>::pass(&[0.9], 0)[0]);
         assert!((seen.slope[0] - slope(0.9)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_slopes_of_a_curve_are_its_derivatives_and_0_beyond_its_ends() {
+        let knots = [(0.0, 1.0, -2.0), (0.7, 0.1, 0.4), (1.5, 0.3, 0.0)];
+        let curve = Curve::new(&knots);
+        for k in 1..30 {
+            let t = 0.05 * f64::from(k) + 0.01;
+            let h = 1e-4;
+            let [first, second] = curve.slopes_at(t);
+            let [before, here, after] = [t - h, t, t + h].map(|t| curve.at(t));
+            assert!((first - (after - before) / (2.0 * h)).abs() < 1e-6, "{t}");
+            let bend = (after - 2.0 * here + before) / (h * h);
+            assert!((second - bend).abs() < 1e-5, "{t}: {second} {bend}");
+        }
+        assert_eq!([curve.slopes_at(-1.0), curve.slopes_at(2.0)], [[0.0; 2]; 2]);
+        assert_eq!(Curve::constant(3.0).slopes_at(0.5), [0.0; 2]);
     }
 
     #[test]

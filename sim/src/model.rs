@@ -10,7 +10,7 @@ use crate::real::{Real, add_scaled};
 use crate::vehicle::{Hydrodynamics, VehicleState, equations, kinematics};
 use hydroline_rigs::{Rig, VehicleModel};
 
-/// How many own states all effects of a stack may have together.
+/// Number of own states that all effects of a stack may have together.
 pub const OWN_STATES_MAX: usize = 12;
 
 /// Vehicle state plus the effects' own states (thruster lag, energy drawn, ...).
@@ -135,6 +135,7 @@ impl<T: Real> Model<T> {
             mass: &own_mass,
             hydrodynamics: h,
             companions: companions.as_ref(),
+            given,
         };
         let mut own_rate = [T::zero(); OWN_STATES_MAX];
 
@@ -151,6 +152,10 @@ impl<T: Real> Model<T> {
         let mut drag = equations::damping(h, moment.nu_r);
         self.effects.drag(&moment, &mut drag);
         let mut force = equations::restoring(h, &eta, coupled);
+        if let Some(statics) = &h.hydrostatics {
+            let water = equations::hydrostatics(statics, &eta, coupled);
+            force = std::array::from_fn(|i| force[i] + water[i]);
+        }
         if coupled {
             let cross = equations::coriolis(h, &nu);
             force = std::array::from_fn(|i| force[i] + cross[i]);

@@ -10,6 +10,7 @@ use crate::effect::{EffectStack, Moment};
 use crate::given::Given;
 use crate::real::Real;
 use crate::vehicle::{Hydrodynamics, equations};
+use hydroline_rigs::VehicleModel;
 
 /// The line along which the DOF moves, and where the others rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -337,6 +338,7 @@ impl<T: Real> Single<T> {
             mass: &self.mass,
             hydrodynamics: h,
             companions: companions.as_ref(),
+            given: *given,
         };
         let (own, own_rate) = (&state.own, &mut made.own);
         let stateful = effects.states() > 0;
@@ -368,6 +370,13 @@ impl<T: Real> Single<T> {
         if let 3 | 4 = i {
             *force = equations::restoring(h, m.eta, false);
         }
+        if let Some(statics) = &h.hydrostatics {
+            // At rest the others may be tilted: the weight along the line is that of the whole model.
+            let coupled = h.model == VehicleModel::Eq1;
+            let water = equations::hydrostatics(statics, m.eta, coupled)[i];
+            let cleared = waters || matches!(i, 3 | 4);
+            force[i] = if cleared { force[i] + water } else { water };
+        }
         if waters {
             effects.drag(&m, drag);
             effects.force(&m, own, force);
@@ -388,7 +397,6 @@ mod tests {
     use crate::fixture::lshpi_rig;
     use crate::model::{Model, ModelState};
     use crate::trajectory::Trajectory;
-    use hydroline_rigs::VehicleModel;
 
     const EDGES: [(f64, f64); 4] = [(0.0, 8.0), (3.017, -6.0), (6.0, 0.0), (8.5, 3.0)];
 
@@ -461,5 +469,46 @@ mod tests {
             }
         }
         assert!(compared >= 3, "{compared} effects compared");
+    }
+
+    /// Net weight and stiffness of the water in heave and roll, beside an effect in the water and without.
+    #[test]
+    fn a_hull_that_floats_moves_as_in_the_whole_model() {
+        let mut vehicle = lshpi_rig().vehicle;
+        vehicle.model = VehicleModel::Decoupled;
+        vehicle.net_weight_n = 4.0;
+        vehicle.stiffness = [300.0, 5.0, 5.0];
+        vehicle.float_z_m = Some(-0.8);
+        let stamps: Vec<f64> = (0..300).map(|k| 0.006 + 0.04 * f64::from(k)).collect();
+        let beside = crate::effect::find("cubic_damping").unwrap();
+        for (dof, load) in [(2, 3.0), (3, 0.2)] {
+            for on in [vec![], vec![typical(beside)]] {
+                let stack = || EffectStack::assemble(&on, |_, _, v| v).unwrap();
+                let model = Model {
+                    hydrodynamics: Hydrodynamics::new(&vehicle),
+                    effects: stack(),
+                };
+                let mut rest = [0.0, 0.0, -0.8, 0.0, 0.0, 0.0];
+                rest[dof] += 0.03;
+                let mut path = Trajectory::new(model, ModelState::at_rest(rest), 0.005).unwrap();
+                let mut wrench = [0.0; 6];
+                wrench[dof] = load;
+                path.command(1.003, wrench).unwrap();
+                let single = Single::new(Hydrodynamics::new(&vehicle), Line { dof, rest });
+                let feed = Feed {
+                    start_s: 0.0,
+                    edges: &[(1.003, load)],
+                    stamps_s: &stamps,
+                    step_max_s: 0.02,
+                    given: None,
+                };
+                let mut seen = Vec::new();
+                single.run(&stack(), &feed, (rest[dof], 0.0), |x| seen.push(x));
+                for (stamp, x) in stamps.iter().zip(&seen) {
+                    let eta = path.state_at(*stamp).unwrap().vehicle.eta;
+                    assert!((eta[dof] - x).abs() < 1e-5, "{dof} at {stamp}");
+                }
+            }
+        }
     }
 }

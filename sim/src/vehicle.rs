@@ -1,7 +1,7 @@
 //! The vehicle: state, coefficients, equations of motion.
 //!
 //! Conventions (theory/geometry.md, frames): tank frame Z down, floor at Z = 0; body frame at the CG,
-//! x forward, y starboard, z down; Euler angles ZYX; W = B.
+//! x forward, y starboard, z down; Euler angles ZYX; W = B unless the rig says what weighs more, or floats.
 
 pub mod equations;
 pub mod kinematics;
@@ -39,6 +39,17 @@ impl<T: Real> VehicleState<T> {
     }
 }
 
+/// Weight that buoyancy leaves, and stiffness of the water where the hull cuts its surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hydrostatics<T = f64> {
+    /// Weight minus buoyancy \[N\], positive down.
+    pub net_weight_n: T,
+    /// Stiffness in heave \[N/m\], roll and pitch \[N m/rad\]; positive restores.
+    pub stiffness: [T; 3],
+    /// z of the CG, tank frame, at which the stiffness in heave makes no force \[m\].
+    pub float_z_m: T,
+}
+
 /// The vehicle's numbers as the equations need them, in the scalar `T`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hydrodynamics<T = f64> {
@@ -54,6 +65,8 @@ pub struct Hydrodynamics<T = f64> {
     pub quadratic: [T; 6],
     /// r_Bz m g \[N m\]: restoring moment per unit sine (negative: stable).
     pub restoring_nm: T,
+    /// Floating and net weight, where the rig states any; `None` = W = B, under water.
+    pub hydrostatics: Option<Hydrostatics<T>>,
 }
 
 impl<T: Real> Hydrodynamics<T> {
@@ -62,6 +75,7 @@ impl<T: Real> Hydrodynamics<T> {
         let c = |v: f64| T::from_f64(v);
         let m = vehicle.mass_kg;
         let [ix, iy, iz] = vehicle.inertia_kgm2;
+        let is_said = vehicle.net_weight_n != 0.0 || vehicle.stiffness.iter().any(|k| *k != 0.0);
         Hydrodynamics {
             model: vehicle.model,
             rigid: [c(m), c(m), c(m), c(ix), c(iy), c(iz)],
@@ -69,6 +83,24 @@ impl<T: Real> Hydrodynamics<T> {
             linear: std::array::from_fn(|i| c(vehicle.coefficients[i].linear)),
             quadratic: std::array::from_fn(|i| c(vehicle.coefficients[i].quadratic)),
             restoring_nm: c(vehicle.r_bz_m * m * vehicle.gravity_mps2),
+            hydrostatics: is_said.then(|| Hydrostatics {
+                net_weight_n: c(vehicle.net_weight_n),
+                stiffness: vehicle.stiffness.map(c),
+                float_z_m: c(vehicle.float_z_m.unwrap_or(0.0)),
+            }),
+        }
+    }
+
+    /// Force or moment per metre or radian that brings a DOF back to where it rests, upright \[N/m, N m/rad\]; 0 where none
+    /// does, negative where it tips over.
+    pub fn stiffness(&self, dof: usize) -> T {
+        let water = match (&self.hydrostatics, dof) {
+            (Some(statics), 2..=4) => statics.stiffness[dof - 2],
+            _ => T::zero(),
+        };
+        match dof {
+            3 | 4 => water - self.restoring_nm,
+            _ => water,
         }
     }
 

@@ -16,7 +16,7 @@ use hydroline_rigs::{Dof, Rig};
 #[command(after_help = "\
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables), or images: their \
 stripes say what of camera, sheet, target and water the rig leaves out. The verdict is one of none, named, ambiguous, \
-unknown, data_fault. Angles of rudder and elevator and steady speeds that a log holds are inputs, and so is a DOF that moves \
+unknown, data_fault. Angles of rudder and elevator, shaft speed, waves and steady speeds that a log holds are inputs, and so is a DOF that moves \
 though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
 thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely. A log given alone is cut into \
 four runs, each predicted by the others.
@@ -193,13 +193,18 @@ fn changed(before: &Rig, after: &Rig) -> String {
         true => "no coefficient".to_owned(),
         false => format!("{} with their covariance, as fitted", keys.join(", ")),
     }];
-    let (from_m, to_m) = (before.vehicle.r_bz_m, after.vehicle.r_bz_m);
-    if from_m != to_m {
-        parts.push(format!(
-            "r_bz_m {} in place of {}",
-            significant(to_m),
-            significant(from_m)
-        ));
+    let (old, new) = (&before.vehicle, &after.vehicle);
+    for (key, from, to) in [
+        ("r_bz_m", old.r_bz_m, new.r_bz_m),
+        ("net_weight_n", old.net_weight_n, new.net_weight_n),
+        ("heave.stiffness_npm", old.stiffness[0], new.stiffness[0]),
+        ("roll.stiffness_nmprad", old.stiffness[1], new.stiffness[1]),
+        ("pitch.stiffness_nmprad", old.stiffness[2], new.stiffness[2]),
+    ] {
+        if from != to {
+            let (to, from) = (significant(to), significant(from));
+            parts.push(format!("{key} {to} in place of {from}"));
+        }
     }
     let new = after.physics.iter().filter(|p| !before.physics.contains(p));
     let new: Vec<&str> = new.map(|p| p.effect.as_str()).collect();

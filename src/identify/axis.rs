@@ -1,5 +1,6 @@
 //! One-DOF motion: (m - X_udot) u' = (X_u + X_u|u| |u|) u + X, x' = u (paper Eq. 7), in any DOF,
-//! with the restoring moment r_Bz m g sin(phi) in roll and pitch (Eq. 1 with all else at rest).
+//! with the restoring moment r_Bz m g sin(phi) in roll and pitch (Eq. 1 with all else at rest), and net weight and
+//! stiffness of a hull that floats.
 //!
 //! RK4 over steps that never span a command edge or a stamp. The same function runs on plain
 //! numbers (search) and on duals (exact sensitivities).
@@ -30,6 +31,36 @@ pub struct AxisModel<T = f64> {
     pub quadratic: T,
     /// Restoring moment per unit sine \[N m\], negative = stable; 0 in the other DOFs.
     pub restoring_nm: f64,
+    /// Net weight and stiffness of the water; `None` = neither.
+    pub statics: Option<AxisStatics>,
+}
+
+/// Net weight and hydrostatic stiffness along one DOF, as the rig says them: they are not fitted here.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisStatics {
+    /// Weight minus buoyancy \[N\], in heave.
+    pub net_weight_n: f64,
+    /// Stiffness \[N/m, N m/rad\]; positive restores.
+    pub stiffness: f64,
+    /// Position at which the stiffness makes no force \[m, rad\].
+    pub rest: f64,
+}
+
+impl AxisStatics {
+    fn of(vehicle: &Vehicle, dof: Dof) -> Option<AxisStatics> {
+        let (net_weight_n, float_z_m) = match dof {
+            Dof::Heave => (vehicle.net_weight_n, vehicle.float_z_m.unwrap_or(0.0)),
+            Dof::Roll | Dof::Pitch => (0.0, 0.0),
+            Dof::Surge | Dof::Sway | Dof::Yaw => return None,
+        };
+        let stiffness = vehicle.stiffness[dof.index() - Dof::Heave.index()];
+        let rest = if stiffness != 0.0 { float_z_m } else { 0.0 };
+        (net_weight_n != 0.0 || stiffness != 0.0).then_some(AxisStatics {
+            net_weight_n,
+            stiffness,
+            rest,
+        })
+    }
 }
 
 impl<T: Real> AxisModel<T> {
@@ -37,6 +68,10 @@ impl<T: Real> AxisModel<T> {
         let mut force = (self.linear + self.quadratic * rate.abs()) * rate + T::from_f64(load);
         if self.restoring_nm != 0.0 {
             force = force + position.sin() * self.restoring_nm;
+        }
+        if let Some(statics) = &self.statics {
+            let away = position - T::from_f64(statics.rest);
+            force = force + T::from_f64(statics.net_weight_n) - away * statics.stiffness;
         }
         force * inverse_mass
     }
@@ -89,6 +124,7 @@ pub struct Axis {
     fixed: [f64; 3],
     terms: Vec<Coefficient>,
     restoring_nm: f64,
+    statics: Option<AxisStatics>,
     observed: Observed,
     runs: Vec<AxisRun>,
     with_rate: bool,
@@ -118,6 +154,13 @@ impl Axis {
         } else {
             0.0
         };
+        let statics = AxisStatics::of(vehicle, dof);
+        // Where it swings about, if anything brings it back.
+        let stiff = statics.filter(|s| s.stiffness != 0.0);
+        let rest = match (stiff, restores) {
+            (Some(statics), _) => Some(statics.rest),
+            (None, restores) => restores.then_some(0.0),
+        };
         let [place, rate] = Channel::of(i);
         let with_rate = runs.iter().any(|r| r.has(rate));
         let mut slots = vec![place.name().to_owned()];
@@ -126,7 +169,7 @@ impl Axis {
         }
         let (runs, observed) = runs
             .iter()
-            .map(|r| AxisRun::new(r, i, with_rate, start, restores))
+            .map(|r| AxisRun::new(r, i, with_rate, start, rest))
             .unzip();
         let fixed = Coefficient::of(dof).map(|c| c.of_vehicle(vehicle));
         let terms: Vec<Coefficient> = free_terms
@@ -141,6 +184,7 @@ impl Axis {
             fixed,
             terms,
             restoring_nm,
+            statics,
             observed: Observed {
                 globals,
                 slots,
@@ -175,6 +219,7 @@ impl Axis {
             linear,
             quadratic,
             restoring_nm: self.restoring_nm,
+            statics: self.statics,
         }
     }
 
@@ -184,7 +229,11 @@ impl Axis {
         let model = self.model(globals);
         let mut local = locals.iter().copied();
         let mut next = || local.next().unwrap_or_else(T::zero);
-        let position = if run.place_is_free { next() } else { T::zero() };
+        let position = if run.place_is_free {
+            next()
+        } else {
+            T::from_f64(self.statics.map_or(0.0, |s| s.rest))
+        };
         let rate = match run.start {
             Start::Free => next(),
             _ => T::zero(),
@@ -252,8 +301,9 @@ impl AxisRun {
         i: usize,
         with_rate: bool,
         start: Start,
-        restores: bool,
+        rest: Option<f64>,
     ) -> (AxisRun, ObservedRun) {
+        let restores = rest.is_some();
         // Path at the median heading; x and y turn into the body axis.
         let [place, rate] = Channel::of(i);
         let psi = run.median(Psi).unwrap_or(0.0);
@@ -304,7 +354,7 @@ impl AxisRun {
                 .find(|v| v.is_finite())
         };
         let placed = first(0).is_some();
-        let seen = first(0).unwrap_or(0.0);
+        let seen = first(0).or(rest).unwrap_or(0.0);
         // The start's velocity may be anything that positions or measured rates show.
         let first_rate = if with_rate { first(1) } else { None };
         let measured_rate = if with_rate {
@@ -499,42 +549,48 @@ mod tests {
         }
     }
 
+    /// Largest distances of place and rate between one axis and the simulator on its fine grid, from rest at 0.
+    fn worst(vehicle: &Vehicle, dof: Dof) -> (f64, f64) {
+        let i = dof.index();
+        let run = run(i);
+        let axis = Axis::new(
+            std::slice::from_ref(&run),
+            vehicle,
+            dof,
+            &Coefficient::of(dof),
+            Start::AtRest,
+        );
+        let truth = Coefficient::of(dof).map(|c| c.of_vehicle(vehicle));
+        let mut parameters = truth.to_vec();
+        parameters.push(0.0);
+        let mut out = Vec::new();
+        axis.values(0, &parameters, &mut out).unwrap();
+        let model = Model {
+            hydrodynamics: hydroline_sim::vehicle::Hydrodynamics::new(vehicle),
+            effects: EffectStack::empty(),
+        };
+        let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.001).unwrap();
+        for c in &run.commands {
+            path.command(c.t_s, c.wrench).unwrap();
+        }
+        let mut worst = (0.0_f64, 0.0_f64);
+        for (sample, pair) in run.samples.iter().zip(out.chunks(2)) {
+            let state = path.state_at(sample.t_s).unwrap().vehicle;
+            worst = (
+                worst.0.max((state.eta[i] - pair[0]).abs()),
+                worst.1.max((state.nu[i] - pair[1]).abs()),
+            );
+        }
+        worst
+    }
+
     /// Eq. 7 and its likes are the simulator's decoupled model, on the simulator's fine grid.
     #[test]
     fn every_axis_moves_as_the_simulator_does() {
         let mut vehicle = Rig::builtin("lshpi").unwrap().vehicle;
         vehicle.model = VehicleModel::Decoupled;
         for dof in Dof::ALL {
-            let i = dof.index();
-            let run = run(i);
-            let axis = Axis::new(
-                std::slice::from_ref(&run),
-                &vehicle,
-                dof,
-                &Coefficient::of(dof),
-                Start::AtRest,
-            );
-            let truth = Coefficient::of(dof).map(|c| c.of_vehicle(&vehicle));
-            let mut parameters = truth.to_vec();
-            parameters.push(0.0);
-            let mut out = Vec::new();
-            axis.values(0, &parameters, &mut out).unwrap();
-            let model = Model {
-                hydrodynamics: hydroline_sim::vehicle::Hydrodynamics::new(&vehicle),
-                effects: EffectStack::empty(),
-            };
-            let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.001).unwrap();
-            for c in &run.commands {
-                path.command(c.t_s, c.wrench).unwrap();
-            }
-            let mut worst = (0.0_f64, 0.0_f64);
-            for (sample, pair) in run.samples.iter().zip(out.chunks(2)) {
-                let state = path.state_at(sample.t_s).unwrap().vehicle;
-                worst = (
-                    worst.0.max((state.eta[i] - pair[0]).abs()),
-                    worst.1.max((state.nu[i] - pair[1]).abs()),
-                );
-            }
+            let worst = worst(&vehicle, dof);
             // |u| u has a kink where the motion turns: one step there is of second order only.
             // Still a thousandth of the noise of a pose (0.15 mm, 0.01 deg).
             assert!(
@@ -542,6 +598,22 @@ mod tests {
                 "{}: {worst:?}",
                 dof.name()
             );
+        }
+    }
+
+    #[test]
+    fn what_floats_or_weighs_moves_as_the_simulator_does() {
+        let mut vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        vehicle.model = VehicleModel::Decoupled;
+        vehicle.net_weight_n = 3.0;
+        for stiffness in [[0.0; 3], [200.0, 4.0, 6.0]] {
+            vehicle.stiffness = stiffness;
+            vehicle.float_z_m = Some(0.02);
+            for dof in Dof::ALL {
+                let worst = worst(&vehicle, dof);
+                let name = dof.name();
+                assert!(worst.0 < 1e-6 && worst.1 < 1e-5, "{name}: {worst:?}");
+            }
         }
     }
 

@@ -14,14 +14,14 @@ fn spot(what: &str, why: String, experiment: &str) -> NotIdentifiable {
     }
 }
 
-/// Effects and parameters not identifiable from runs fitted in these DOFs, of which some rest; `undetermined` are the coefficients
-/// they do not excite.
+/// Effects and parameters not identifiable from runs fitted in these DOFs, of which some rest and some are restored by weight and
+/// water; `undetermined` are the coefficients they do not excite.
 pub fn blind_spots(
     runs: &[Run],
     dofs: &[Dof],
     resting: &[Dof],
     undetermined: &[Coefficient],
-    restoring: bool,
+    restored: &[Dof],
 ) -> Vec<NotIdentifiable> {
     let mut spots = Vec::new();
     let largest = runs.iter().fold([0.0_f64; 6], |m, r| {
@@ -35,15 +35,20 @@ pub fn blind_spots(
             "bollard pull: identify --bollard DATA.csv (pulse, thrust), or a run with known ballast",
         ));
     }
-    if restoring && !commanded {
+    if !restored.is_empty() && !commanded {
+        let by = if restored.iter().any(|d| *d != Dof::Heave) {
+            "restoring moment r_Bz m g"
+        } else {
+            "water's stiffness"
+        };
         spots.push(spot(
             "restoring_scale",
-            "without a known load only ratios to the restoring moment r_Bz m g move the hull: all three coefficients scale with it".to_owned(),
+            format!("without a known load only ratios to the {by} move the hull: all three coefficients scale with it"),
             "inclining test: heel under a known weight, or a run with a known roll or pitch moment",
         ));
     }
-    // Roll and pitch have the restoring moment to compare with.
-    let scaled = |d: &Dof| largest[d.index()] == 0.0 && !matches!(d, Dof::Roll | Dof::Pitch);
+    // Roll and pitch have the restoring moment to compare with, a hull that floats its stiffness.
+    let scaled = |d: &Dof| largest[d.index()] == 0.0 && !restored.contains(d);
     let free_scale: Vec<&str> = dofs
         .iter()
         .filter(|d| scaled(d) && !resting.contains(d))

@@ -248,8 +248,14 @@ pub fn identify(
         .copied()
         .filter(|c| result.parameters.get(c.key()).is_some_and(|p| !p.excited))
         .collect();
-    let restoring = dofs.iter().any(|d| matches!(d, Dof::Roll | Dof::Pitch));
-    result.blind_spots = blind_spots(&moving, &dofs, &resting, &undetermined, restoring);
+    let floats = rig.vehicle.stiffness[0] != 0.0;
+    let is_restored = |d: &Dof| match d {
+        Dof::Roll | Dof::Pitch => true,
+        Dof::Heave => floats,
+        _ => false,
+    };
+    let restored: Vec<Dof> = dofs.iter().copied().filter(is_restored).collect();
+    result.blind_spots = blind_spots(&moving, &dofs, &resting, &undetermined, &restored);
     result.held_effects = rig.physics.iter().map(|p| p.effect.clone()).collect();
     Ok(result)
 }

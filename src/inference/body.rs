@@ -25,7 +25,18 @@ pub enum Own {
     Coefficient(Coefficient, f64),
     /// Restoring moment (GM), by its ratio to the rig's.
     Restoring(f64),
+    /// Hydrostatic stiffness, by its place in [`Vehicle::stiffness`] and its ratio to the rig's.
+    Stiffness(usize, f64),
+    /// Weight minus buoyancy, by its ratio to the rig's.
+    NetWeight(f64),
 }
+
+/// Names in files of [`Vehicle::stiffness`].
+const STIFFNESSES: [&str; 3] = [
+    "heave_stiffness_npm",
+    "roll_stiffness_nmprad",
+    "pitch_stiffness_nmprad",
+];
 
 impl Own {
     /// Name in files.
@@ -33,6 +44,18 @@ impl Own {
         match self {
             Own::Coefficient(c, _) => c.key(),
             Own::Restoring(_) => "restoring_nm",
+            Own::Stiffness(place, _) => STIFFNESSES[*place],
+            Own::NetWeight(_) => "net_weight_n",
+        }
+    }
+
+    /// Number that a scaled one is a ratio to: the rig's, or what stands for it where the rig says 0.
+    pub fn unit(&self) -> f64 {
+        match self {
+            Own::Coefficient(_, unit)
+            | Own::Restoring(unit)
+            | Own::Stiffness(_, unit)
+            | Own::NetWeight(unit) => *unit,
         }
     }
 }
@@ -212,8 +235,7 @@ impl Body {
         let places = self.places(terms);
         let mut all = Vec::with_capacity(point.len());
         for (own, v) in self.own.iter().zip(point) {
-            let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
-            let value = unit * v.exp();
+            let value = own.unit() * v.exp();
             all.push((value, value));
         }
         for (t, at) in terms.iter().zip(&places) {
@@ -232,3 +254,6 @@ impl Body {
         (numbers + most).div_ceil(WIDTHS[WIDTHS.len() - 1])
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -191,7 +191,7 @@ impl Search<'_> {
                 *v = match own {
                     Own::Coefficient(c, _) if c.term == Term::Added => inertia.ln(),
                     Own::Coefficient(..) => damping.ln(),
-                    Own::Restoring(_) => 0.0,
+                    Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => 0.0,
                 };
             }
             jobs.push((Vec::new(), from, Cells::of([cell(BEGIN[1]); 6])));

@@ -54,12 +54,7 @@ impl Size {
                 let (low, high) = extent(r.seen(Channel::POSES[d]));
                 (high - low).max(0.0)
             });
-            let stiffness = if matches!(d, 3 | 4) {
-                h.restoring_nm.abs()
-            } else {
-                0.0
-            };
-            let righting = 0.5 * stiffness * swing.fold(0.0, f64::max);
+            let righting = 0.5 * h.stiffness(d).abs() * swing.fold(0.0, f64::max);
             let drag = (h.linear[d] + h.quadratic[d] * fastest[d]).abs() * fastest[d];
             let beyond =
                 |load_n: f64| Some(load_n / LOADS[d]).filter(|f| *f > ALIKE && f.is_finite());
@@ -152,6 +147,9 @@ mod tests {
             ("N s3/m3 (N m s3/rad3 for a moment)", (1, 3)),
             ("N m/rad3", (1, 0)),
             ("N/m", (1, 0)),
+            ("N/m2 (N/m for a moment)", (1, 0)),
+            ("N s/m (N s for a moment)", (1, 1)),
+            ("N s2/rad2 (N m s2/rad2 for a moment)", (1, 2)),
             ("m/s", (0, -1)),
             ("s/m", (0, 1)),
             ("s", (0, 0)),

@@ -382,6 +382,9 @@ fn rates(on: &[CheckedEffect], ground: &Ground<'_>) -> Option<Vec<f64>> {
     rates_of(Hydrodynamics::new(ground.vehicle), on, ground, 1.0)
 }
 
+/// Values of moving companions at which laws are asked: two angles \[rad\], shaft speed \[rad/s\], height of the wave \[m\].
+const BESIDE: [f64; COMPANIONS.len()] = [0.2, -0.15, 9.0, 0.03];
+
 /// The same of another hull, under loads that are `loads` times as large.
 fn rates_of(
     hydrodynamics: Hydrodynamics<f64>,
@@ -393,8 +396,10 @@ fn rates_of(
         hydrodynamics,
         effects: EffectStack::assemble(on, |_, _, v| v).ok()?,
     };
+    // A companion that rests, or was not measured, drives nothing.
+    let moving = |c: usize| ground.companions[c].then(|| Curve::constant(BESIDE[c]));
     let beside = Given {
-        companions: [0.2, -0.15, 9.0, 0.03].map(|v| Some(Curve::constant(v))),
+        companions: std::array::from_fn(moving),
         ..Given::default()
     };
     let mut all = Vec::new();
@@ -699,6 +704,37 @@ mod tests {
     }
 
     #[test]
+    fn waves_and_a_shaft_are_asked_where_they_were_measured_and_move() {
+        let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
+        let of = |companions: [bool; 4]| {
+            let ground = Ground {
+                dofs: &[0, 2],
+                companions,
+                ..plain(&vehicle)
+            };
+            let all = candidates(&ground, &[]);
+            let driven = |c: &&Candidate| ["wave_force", "shaft_thrust"].contains(&c.info.id);
+            let driven = all.iter().filter(driven);
+            driven
+                .map(|c| (c.name(), c.linear.clone()))
+                .collect::<Vec<_>>()
+        };
+        let name = |name: &str, linear: &[usize]| (name.to_owned(), linear.to_vec());
+        assert!(of([true, true, false, false]).is_empty());
+        let of_shaft = [
+            name("shaft_thrust surge", &[0]),
+            name("shaft_thrust heave", &[0]),
+        ];
+        assert_eq!(of([false, false, true, false]), of_shaft);
+        // All but the time constant, which only its own rate knows.
+        let of_wave = [
+            name("wave_force surge", &[0, 1, 2, 3]),
+            name("wave_force heave", &[0, 1, 2, 3]),
+        ];
+        assert_eq!(of([false, false, false, true]), of_wave);
+    }
+
+    #[test]
     fn laws_say_themselves_of_what_they_are_a_function() {
         let vehicle = Rig::builtin("lshpi").unwrap().vehicle;
         let ground = Ground {
@@ -784,6 +820,7 @@ mod tests {
             let ground = Ground {
                 dofs,
                 largest,
+                companions: [true; 4],
                 ..plain(&vehicle)
             };
             candidates(&ground, &[])

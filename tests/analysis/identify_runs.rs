@@ -282,6 +282,24 @@ fn a_roll_decay_seen_by_a_gyro_only_starts_at_any_heel() {
     assert_sound(&identify(&[run], &rig, &options).unwrap(), &truth);
 }
 
+/// The water's stiffness gives mass and damping their scale, where the hull floats deeper by its net weight too.
+#[test]
+fn a_heave_decay_of_a_hull_that_floats_shows_mass_and_damping() {
+    let mut rig = decoupled();
+    rig.vehicle.stiffness[0] = 900.0;
+    rig.vehicle.net_weight_n = 9.0;
+    rig.vehicle.float_z_m = Some(0.05);
+    let truth = other_vehicle(&rig, 5);
+    let run = free_motion(&truth, Dof::Heave, (0.15, 0.0), &[(Channel::Z, 1e-4)], 20.0);
+    let found = identify(&[run], &rig, &Options::default()).unwrap();
+    assert_eq!(found.model, "heave");
+    assert_sound(&found, &truth);
+    let spots = found.blind_spots.iter();
+    let scale = spots.clone().find(|b| b.what == "restoring_scale");
+    assert!(scale.is_some_and(|b| b.why.contains("water's stiffness")));
+    assert!(!spots.clone().any(|b| b.what == "mass_scale"));
+}
+
 #[test]
 fn a_start_on_its_bound_is_reported() {
     let rig = decoupled();

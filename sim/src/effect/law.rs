@@ -1,7 +1,7 @@
 //! The hooks a law may fill; every default does nothing.
 
 use super::{EffectInfo, Optics};
-use crate::given::COMPANIONS;
+use crate::given::{COMPANIONS, Given};
 use crate::real::Real;
 use crate::vehicle::Hydrodynamics;
 
@@ -28,12 +28,20 @@ pub struct Moment<'a, T> {
     pub hydrodynamics: &'a Hydrodynamics<T>,
     /// Companions measured beside the motion (see [`crate::given`]); `None` = there are none.
     pub companions: Option<&'a [T; COMPANIONS]>,
+    /// Curves that they are taken from; `None` = there are none.
+    pub given: Option<&'a Given>,
 }
 
 impl<T: Real> Moment<'_, T> {
     /// A companion by its place; 0 where it was not measured.
     pub fn companion(&self, place: usize) -> T {
         self.companions.map_or(T::zero(), |c| c[place])
+    }
+
+    /// First and second time derivative of a companion; 0 where it was not measured.
+    pub fn companion_slopes(&self, place: usize) -> [T; 2] {
+        let curve = self.given.and_then(|g| g.companions[place].as_ref());
+        curve.map_or([T::zero(); 2], |c| c.slopes_at(self.t_s))
     }
 }
 

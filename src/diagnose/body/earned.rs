@@ -145,11 +145,10 @@ impl Judged<'_> {
         let bounds = body.bounds(&self.best.terms);
         let mut made = BTreeMap::new();
         for (i, own) in body.own.iter().enumerate() {
-            let (Own::Coefficient(_, unit) | Own::Restoring(unit)) = own;
             let Some(number) = after.get(own.name()) else {
                 continue;
             };
-            let factor = number.value / unit;
+            let factor = number.value / own.unit();
             // Of the logarithm: the share by which it is known.
             let sd = number
                 .sd
@@ -173,7 +172,7 @@ impl Judged<'_> {
     fn is_said(&self, own: &Own) -> bool {
         match own {
             Own::Coefficient(c, _) => c.of_vehicle(&self.found.problem.body.vehicle) != 0.0,
-            Own::Restoring(_) => true,
+            Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => true,
         }
     }
 

@@ -358,6 +358,8 @@ impl Judged<'_> {
                     let weight_n = rig.vehicle.mass_kg * rig.vehicle.gravity_mps2;
                     rig.vehicle.r_bz_m = value / weight_n;
                 }
+                Own::Stiffness(place, _) => rig.vehicle.stiffness[*place] = *value,
+                Own::NetWeight(_) => rig.vehicle.net_weight_n = *value,
             }
         }
         // Marginal over the effects' numbers: what is not known of the effects is in it.

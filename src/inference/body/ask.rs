@@ -3,7 +3,7 @@
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::{Coefficient, Term as CoefficientTerm};
 use hydroline_numerics::statistics::{extent, median};
-use hydroline_rigs::{Dof, Rig, VehicleModel};
+use hydroline_rigs::{Dof, Rig, Vehicle, VehicleModel};
 use hydroline_sim::Given;
 use hydroline_sim::effect::{CheckedEffect, EffectError, check};
 use hydroline_sim::single::Line;
@@ -119,11 +119,7 @@ fn responses(h: &Hydrodynamics<f64>, rate: &[f64; 6]) -> ([Response; 6], f64) {
     let mut quickest = 0.0_f64;
     let responses = std::array::from_fn(|d| {
         let damping = |speed: f64| -(h.linear[d] + 2.0 * h.quadratic[d] * speed) / mass[d];
-        let stiffness_ps2 = if matches!(d, 3 | 4) {
-            (-h.restoring_nm / mass[d]).max(0.0)
-        } else {
-            0.0
-        };
+        let stiffness_ps2 = (h.stiffness(d) / mass[d]).max(0.0);
         quickest = quickest.max(damping(rate[d])).max(stiffness_ps2.sqrt());
         Response {
             damping_ps: damping(0.5 * rate[d]).max(1e-3),
@@ -235,6 +231,20 @@ fn coefficient(c: Coefficient, rig: &Rig) -> Own {
     Own::Coefficient(c, unit)
 }
 
+/// Stiffnesses of the water and net weight, where the rig says that there are any and the DOF moves freely.
+fn of_floating(vehicle: &Vehicle, dofs: &[usize]) -> Vec<Own> {
+    let heave = Dof::Heave.index();
+    let each = vehicle.stiffness.into_iter().enumerate();
+    let acting = each.filter(|(place, said)| *said != 0.0 && dofs.contains(&(heave + place)));
+    let mut own: Vec<Own> = acting
+        .map(|(place, said)| Own::Stiffness(place, said))
+        .collect();
+    if vehicle.net_weight_n != 0.0 && dofs.contains(&heave) {
+        own.push(Own::NetWeight(vehicle.net_weight_n));
+    }
+    own
+}
+
 /// Added masses of given DOFs, where Eq. 1 lets them act on those simulated: all that is asked of a given DOF.
 fn added_of_given(
     rig: &Rig,
@@ -322,6 +332,7 @@ impl Body {
         if dofs.iter().any(|d| matches!(d, 3 | 4)) && h.restoring_nm != 0.0 {
             own.push(Own::Restoring(h.restoring_nm));
         }
+        own.extend(of_floating(&rig.vehicle, dofs));
         let extents = Extents::of(&recording);
         let (responses, quickest) = responses(&h, &extents.rate);
         let begins = Beginnings::of(&recording, rig, dofs, given_dofs);

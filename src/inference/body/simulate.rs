@@ -31,6 +31,17 @@ impl Body {
                     place[c.dof.index()] = *value;
                 }
                 Own::Restoring(_) => h.restoring_nm = *value,
+                // Either is one of the vehicle's numbers only where the rig says it, and then it has hydrostatics.
+                Own::Stiffness(place, _) => {
+                    if let Some(statics) = &mut h.hydrostatics {
+                        statics.stiffness[*place] = *value;
+                    }
+                }
+                Own::NetWeight(_) => {
+                    if let Some(statics) = &mut h.hydrostatics {
+                        statics.net_weight_n = *value;
+                    }
+                }
             }
         }
         let base = self.base.len();

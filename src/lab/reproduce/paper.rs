@@ -56,6 +56,7 @@ pub fn largest_error_m(actual: [f64; 3], found: [f64; 3], thrust_n: f64, length_
         linear,
         quadratic,
         restoring_nm: 0.0,
+        statics: None,
     };
     let (one, two) = (model(actual), model(found));
     let (mut a, mut b) = ((0.0, 0.0), (0.0, 0.0));

@@ -75,8 +75,10 @@ impl Dynamics {
     pub(super) fn step(&self, from_ns: u64, to_ns: u64, x: &State) -> Option<(State, Square)> {
         let base = self.carried(from_ns, to_ns, x)?;
         let mut slopes = Square::identity();
-        // Positions shift the motion of nothing but themselves.
-        for k in 3..STATES - 1 {
+        // Positions shift the motion of nothing but themselves, but for the depth of a hull that floats.
+        let floats = self.model.hydrodynamics.hydrostatics.is_some();
+        let first = if floats { 2 } else { 3 };
+        for k in first..STATES - 1 {
             // Differences of a smooth flow: 1e-5 of a metre per second is 1e-10 in its curvature.
             let h = 1e-5;
             let mut moved = *x;
