@@ -489,8 +489,5 @@ fn sound_recordings_hold_no_outliers() {
         s.values[Channel::X] += 0.5;
     }
     let found = outliers(&run, &rig);
-    assert!(
-        found.len() == 1 && found[0].starts_with("8."),
-        "{found:?}"
-    );
+    assert!(found.len() == 1 && found[0].starts_with("8."), "{found:?}");
 }
