@@ -1,6 +1,7 @@
 //! A recorded run: commands and measured motion of one log, in plain numbers.
 
 mod companion;
+pub mod instrument_sd;
 mod joined;
 pub mod rest_noise;
 mod stretches;
@@ -54,6 +55,8 @@ pub struct Run {
     pub noise_at_rest: Option<StillNoise>,
     /// Motion and commands are of two clocks.
     pub joined: Option<Joined>,
+    /// sd of each channel's instrument as the import's map states it \[SI\]: the channel's noise is no smaller; 0 = not stated.
+    pub instrument_sd: PerChannel<f64>,
     /// Oddities of the data, one sentence each.
     pub notes: Vec<String>,
 }

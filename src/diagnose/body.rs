@@ -140,6 +140,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.ablation = judged.ablation();
     verdict.verdict = judged.word();
     verdict.place = judged.place();
+    verdict.notes.extend(judged.events());
     verdict.test = judged.test();
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();

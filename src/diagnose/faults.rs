@@ -4,7 +4,7 @@ mod kinematics;
 
 use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
-use hydroline_numerics::apart;
+use hydroline_numerics::outliers;
 use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::extent;
 use hydroline_rigs::{Dof, Rig};
@@ -18,10 +18,12 @@ use hydroline_log::messages::pb;
 
 /// Fewest samples of a channel from which anything is said of it.
 const SAMPLES_LEAST: usize = 8;
-/// Share of samples apart from their neighbours above which a channel is no measurement.
+/// Share of samples out of the motion around them above which a channel is no measurement.
 const OUTLIERS_MAX: f64 = 0.05;
 /// Share that is worth a line.
 const OUTLIERS_SOME: f64 = 0.03;
+/// Samples of which a share says something: two of fifty are chance.
+const OUTLIERS_OF: usize = 50;
 /// Drift of the controller's clock worth a line \[ppm\].
 const DRIFT_SOME_PPM: f64 = 20.0;
 
@@ -254,25 +256,25 @@ fn by_the_rig(run: &Run, rig: &Rig, dof: usize) -> Option<(Vec<f64>, Vec<f64>)> 
     (both.0.len() >= SAMPLES_LEAST).then_some(both)
 }
 
+/// Samples that stand out of the motion around them, all of the log's, in the axes in which they were measured.
 fn outliers(run: &Run, rig: &Rig) -> Vec<DataFault> {
-    let mut recording = Recording::new(std::slice::from_ref(run), rig.tank.start_pose[5]);
-    recording.hold_heading();
-    let Some(r) = recording.runs.first() else {
-        return Vec::new();
-    };
+    let tolerance = rig.tolerance.channels();
     let found = parallel::map_slice(&Channel::POSES, |&place| {
-        let each = r.times_s.iter().enumerate();
-        let (times_s, measured): (Vec<f64>, Vec<f64>) = each
-            .map(|(k, t_s)| (*t_s, r.measured(k)[place]))
-            .filter(|(_, m)| m.is_finite())
-            .unzip();
+        let each = run.samples.iter().map(|s| (s.t_s, s.values[place]));
+        let (times_s, measured): (Vec<f64>, Vec<f64>) = each.filter(|s| s.1.is_finite()).unzip();
         let n = measured.len();
-        let used = apart::not_apart(&times_s, &measured);
-        let share = used.iter().filter(|u| !**u).count() as f64 / n.max(1) as f64;
-        (share > OUTLIERS_SOME && n > 50).then(|| {
-                let channel = place.name();
-                fault(run, "outliers", channel, format!("{:.1} % of {n} samples of {channel} stand apart from their neighbours; they are left out", 100.0 * share), share > OUTLIERS_MAX)
-            })
+        let out = outliers::outliers(&times_s, &measured, tolerance[place]);
+        let count = out.iter().filter(|o| **o).count();
+        let first_s = out.iter().position(|o| *o).map_or(0.0, |k| times_s[k]);
+        let share = count as f64 / n.max(1) as f64;
+        (share > OUTLIERS_SOME && n > OUTLIERS_OF).then(|| {
+            let channel = place.name();
+            let evidence = format!(
+                "{:.1} % of {n} samples of {channel} stand out of the motion around them, the first at {first_s:.2} s; what no vehicle follows is left out of the fit",
+                100.0 * share
+            );
+            fault(run, "outliers", channel, evidence, share > OUTLIERS_MAX)
+        })
     });
     found.into_iter().flatten().collect()
 }
@@ -349,5 +351,34 @@ mod tests {
         missing[0] = f64::NAN;
         assert!(!waits(&run(3.0), 0, &times_s, &missing));
         assert!(!waits(&run(3.0), 0, &[], &[]));
+    }
+
+    /// A drive's encoder at 200 Hz, fast between its ends and still at them: 8.6 % of its samples were called outliers, fatally.
+    #[test]
+    fn fast_motion_of_a_fine_encoder_holds_no_outliers_and_spikes_are_found() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        // Out within a second, a second's rest, back, and rest.
+        let stroke = |t_s: f64| 0.2 - 0.2 * (std::f64::consts::PI * t_s.clamp(0.0, 1.0)).cos();
+        let shown = |spike_m: f64| {
+            let mut run = Run::default();
+            for k in 0..4000_u32 {
+                let t_s = 0.005 * f64::from(k);
+                let x_m = stroke(t_s % 4.0) - stroke(t_s % 4.0 - 2.0);
+                let noise = 1e-5 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
+                let spike = if k % 16 == 5 { spike_m } else { 0.0 };
+                let mut values = PerChannel::NAN;
+                values[Channel::X] = x_m + noise + spike;
+                run.samples.push(Sample {
+                    t_s,
+                    values,
+                    covariance: None,
+                });
+            }
+            outliers(&run, &rig)
+        };
+        assert!(shown(0.0).is_empty(), "{:?}", shown(0.0));
+        let found = shown(0.5);
+        assert!(found.len() == 1 && found[0].fatal, "{found:?}");
+        assert!(found[0].evidence.contains("at 0.0"), "{found:?}");
     }
 }

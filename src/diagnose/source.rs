@@ -8,7 +8,7 @@ use hydroline_rigs::Rig;
 use super::faults::{Records, fault, faults};
 use super::single_run_split::release_instant;
 use super::verdict::DataFault;
-use hydroline_core::run::{Joined, Run};
+use hydroline_core::run::{Joined, Run, instrument_sd};
 use hydroline_identify::data::{LoadError, load_messages};
 use hydroline_log::messages::{timestamp, unix_ns};
 use hydroline_log::{LogReader, Record};
@@ -164,7 +164,10 @@ pub fn read(part: impl Into<Part>, rig: &Rig) -> Result<Source, LoadError> {
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
-    run.joined = reader.metadata().get("session").and_then(Joined::of);
+    if let Some(session) = reader.metadata().get("session") {
+        run.joined = Joined::of(session);
+        run.instrument_sd = instrument_sd::of_session(session);
+    }
     if let Some((from_s, to_s)) = window_s {
         let end_s = run.end_s();
         run = cut(run, &mut records, from_s, to_s);

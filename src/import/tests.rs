@@ -463,12 +463,32 @@ fn stamps_without_a_zone_a_clock_from_zero_and_a_cut_number_are_named() {
     assert!(!warned.has_faults() && kinds(&warned, Severity::Warning).contains(&"cut_number"));
 }
 
+/// Of fewer than six pose channels, and of any rate, the log held nothing.
 #[test]
-fn an_sd_that_no_log_can_hold_is_named() {
-    let with_sd = WITH_R.to_owned() + "sd = 0.01\n";
-    let found = read(&table(300, |_, _| {}), &map(&with_sd));
+fn the_sd_of_a_map_stands_in_the_log_for_positions_and_rates() {
+    use hydroline_core::run::{Channel, instrument_sd};
+    let text = WITH_R.to_owned() + "sd = 0.01\n";
+    let map = map(&text);
+    let data = read(&table(300, |_, _| {}), &map);
+    let words = data.findings.iter().find(|f| f.kind == "instrument_sd");
+    assert!(words.is_some_and(|f| f.message.contains("r_radps") && f.severity == Severity::Info));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("log.mcap");
+    import(&data, &map, &text, &out, accept(false)).unwrap();
+    let rig = hydroline_rigs::Rig::builtin("lshpi").unwrap();
+    let run = hydroline_identify::data::load(&out, &rig).unwrap();
+    assert_eq!(run.instrument_sd[Channel::R], 0.01);
+    assert_eq!(run.instrument_sd[Channel::X], 0.0);
+    let session = instrument_sd::entry(Channel::R, 0.01);
+    assert_eq!(session, ("import.sd.r_radps".to_owned(), "0.01".to_owned()));
+}
+
+#[test]
+fn the_sd_of_a_rudder_is_named_as_ignored() {
+    let rudder = "[motion.rudder_rad]\ncolumn = \"q\"\nunit = \"rad\"\nsd = 0.01\n";
+    let found = read(&table(300, |_, _| {}), &map(rudder));
     let words = found.findings.iter().find(|f| f.kind == "sd_ignored");
-    assert!(words.is_some_and(|f| f.message.contains("r_radps")));
+    assert!(words.is_some_and(|f| f.message.contains("rudder_rad")));
 }
 
 #[test]

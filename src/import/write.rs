@@ -11,7 +11,7 @@ use super::survey::Survey;
 use super::table::{Imported, Sample, pass};
 use behind::Behind;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::run::{COMPANIONS, Channel, PerChannel};
+use hydroline_core::run::{COMPANIONS, Channel, PerChannel, instrument_sd};
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{pb, timestamp};
 use hydroline_log::{
@@ -192,6 +192,11 @@ impl<'a> Writer<'a> {
             ("kind".to_owned(), "import".to_owned()),
             ("import.map".to_owned(), map_text.to_owned()),
         ]);
+        let stated = map.channels.iter().filter_map(|c| {
+            let channel = Channel::ALL.get(c.place)?;
+            Some(instrument_sd::entry(*channel, c.sd?))
+        });
+        session.extend(stated);
         if let Some(ns) = relative_origin_ns {
             session.insert(RELATIVE_START.to_owned(), start_ns.to_string());
             session.insert(RELATIVE_ORIGIN.to_owned(), ns.to_string());

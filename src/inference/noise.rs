@@ -7,6 +7,7 @@
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
+use hydroline_numerics::outliers::outliers;
 use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::robust_sd;
 
@@ -20,6 +21,9 @@ use super::recording::Recorded;
 const OUTLIER_SD: f64 = 5.0;
 /// Samples on either side within which only the largest innovation is taken for the outlier: those after it are pulled.
 const PULLED: usize = 3;
+/// Share of a run's sound samples in a channel above which innovations that are too large are no outliers but what a model misses,
+/// and none is left out for its innovation: as many outliers of the motion around them are a fault of the data.
+const REJECTED_MOST: f64 = 0.05;
 /// Spread of a logged sd about the real one (sd of the logarithm).
 const LOGGED_LN: f64 = 0.3;
 /// Prior of the coloured part over the white one: median and scale of the logarithm.
@@ -156,6 +160,8 @@ struct Observed<'a> {
     fast: [Option<f64>; 2],
     /// Median of the sds that the log gives for the position.
     logged: Option<f64>,
+    /// Logarithms of the least noise of position and rate that any import states; minus infinity where none does.
+    stated_ln: [f64; 2],
 }
 
 impl<'a> Observed<'a> {
@@ -169,7 +175,32 @@ impl<'a> Observed<'a> {
             pairs,
             fast: [fast_sd(pairs, 0), fast_sd(pairs, 1)],
             logged: hydroline_numerics::statistics::median(&mut logged),
+            stated_ln: Channel::of(dof).map(|c| {
+                let runs = body.recording.runs.iter().map(|r| r.stated_sd[c]);
+                let least = runs.filter(|sd| *sd > 0.0).reduce(f64::min);
+                least.map_or(f64::NEG_INFINITY, f64::ln)
+            }),
         }
+    }
+
+    /// Samples that are measured and do not stand out of the motion around them.
+    fn sound(&self) -> Flags {
+        let runs = self.body.recording.runs.iter().zip(self.pairs);
+        runs.map(|(r, pairs)| {
+            let mut sound = vec![[false; 2]; pairs.len()];
+            for (c, channel) in Channel::of(self.dof).into_iter().enumerate() {
+                let is_there = |k: &usize| self.fast[c].is_some() && pairs[*k][c].is_finite();
+                let there: Vec<usize> = (0..pairs.len()).filter(is_there).collect();
+                let times_s: Vec<f64> = there.iter().map(|k| r.times_s[*k]).collect();
+                let measured: Vec<f64> = there.iter().map(|k| r.measured(*k)[channel]).collect();
+                let out = outliers(&times_s, &measured, self.body.tolerance[channel]);
+                for (k, out) in there.into_iter().zip(out) {
+                    sound[k][c] = !out;
+                }
+            }
+            sound
+        })
+        .collect()
     }
 
     fn there(&self) -> [bool; 2] {
@@ -180,12 +211,13 @@ impl<'a> Observed<'a> {
     fn begin(&self, before: Option<&Noises>) -> Numbers {
         let mut x = Numbers::default();
         for (c, channel) in Channel::of(self.dof).into_iter().enumerate() {
-            let white = self.fast[c].unwrap_or(1.0).ln();
+            let stated = self.stated_ln[c];
+            let white = self.fast[c].unwrap_or(1.0).ln().max(stated);
             let known = before.and_then(|b| b.channels[channel]);
             let colour = known.filter(|k| k.coloured_sd > 0.0);
             let correlation_s = colour.map_or(self.body.prior.colour_s, |k| k.correlation_s);
             x.noise[c] = LnNoise {
-                white_sd: known.map_or(white, |k| k.white_sd.max(1e-12).ln()),
+                white_sd: known.map_or(white, |k| k.white_sd.max(1e-12).ln().max(stated)),
                 coloured_sd: colour.map_or(white + COLOUR_RATIO.0, |k| k.coloured_sd.ln()),
                 correlation_s: correlation_s.ln(),
             };
@@ -228,7 +260,8 @@ impl<'a> Observed<'a> {
             let x = &x.noise[c];
             let slow = (x.correlation_s - prior.colour_s.ln()) / prior.colour_ln;
             let large = (x.coloured_sd - x.white_sd - COLOUR_RATIO.0) / COLOUR_RATIO.1;
-            if slow.abs() > COLOUR_SDS || large > COLOUR_SDS {
+            let finer = self.stated_ln[c] > x.white_sd;
+            if finer || slow.abs() > COLOUR_SDS || large > COLOUR_SDS {
                 return f64::INFINITY;
             }
             let ratio = Density::Student {
@@ -250,11 +283,8 @@ impl<'a> Observed<'a> {
 fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (Instruments, Flags) {
     let observed = Observed::new(body, dof, pairs);
     let there = observed.there();
-    let sound = |p: &[f64; 2]| [0, 1].map(|c| there[c] && p[c].is_finite());
-    let mut used: Flags = pairs
-        .iter()
-        .map(|run| run.iter().map(sound).collect())
-        .collect();
+    let sound = observed.sound();
+    let mut used = sound.clone();
     if !there[0] && !there[1] {
         return ([None; 2], used);
     }
@@ -276,7 +306,10 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
             .map_or(x, |found| found.0);
         let mut changed = false;
         for (run, (p, used)) in pairs.iter().zip(&mut used).enumerate() {
-            changed |= reject(p, used, |used| observed.filter(&x, run, used));
+            let before = used.clone();
+            reject(p, used, |used| observed.filter(&x, run, used));
+            take_back(&sound[run], used);
+            changed |= *used != before;
         }
         if !changed || round == 2 {
             break;
@@ -285,13 +318,21 @@ fn of_dof(body: &Body, dof: usize, pairs: &Pairs, before: Option<&Noises>) -> (I
     (x.instruments(there), used)
 }
 
-/// Marks samples whose innovation is too large, the largest of each neighbourhood first; whether any was.
-fn reject(
-    pairs: &[[f64; 2]],
-    used: &mut Vec<[bool; 2]>,
-    filter: impl Fn(&[[bool; 2]]) -> Filter,
-) -> bool {
-    let before = used.clone();
+/// Takes back what was rejected of a run's channel where that is too much for outliers.
+fn take_back(sound: &[[bool; 2]], used: &mut [[bool; 2]]) {
+    for c in 0..2 {
+        let all = sound.iter().filter(|s| s[c]).count();
+        let kept = used.iter().filter(|u| u[c]).count();
+        if (all - kept) as f64 > REJECTED_MOST * all as f64 {
+            for (used, sound) in used.iter_mut().zip(sound) {
+                used[c] = sound[c];
+            }
+        }
+    }
+}
+
+/// Marks samples whose innovation is too large, the largest of each neighbourhood first.
+fn reject(pairs: &[[f64; 2]], used: &mut Vec<[bool; 2]>, filter: impl Fn(&[[bool; 2]]) -> Filter) {
     for _ in 0..8 {
         let mut series: Vec<[f64; 2]> = pairs
             .iter()
@@ -313,7 +354,6 @@ fn reject(
             break;
         }
     }
-    *used != before
 }
 
 /// Pattern search: along each number in turn, steps halved when none gains; the place and its cost.
@@ -339,4 +379,90 @@ fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> 
         }
     }
     (x, best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Recording;
+    use hydroline_core::run::{Command, Run, Sample};
+    use hydroline_rigs::Rig;
+    use rand::{SeedableRng, rngs::StdRng};
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A surge run as the rig's model makes it, with noise of .1 mm and .1 mm/s; `off_m` is added to each sample's x.
+    fn surge(rig: &Rig, stated: [f64; 2], off_m: impl Fn(usize) -> f64) -> Body {
+        let mut run = Run {
+            commands: vec![Command {
+                t_s: 0.5,
+                wrench: [6.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            }],
+            ..Run::default()
+        };
+        [run.instrument_sd[Channel::X], run.instrument_sd[Channel::U]] = stated;
+        for k in 0..400_u32 {
+            let mut values = PerChannel::NAN;
+            (values[Channel::X], values[Channel::U]) = (0.0, 0.0);
+            run.samples.push(Sample {
+                t_s: 0.04 * f64::from(k),
+                values,
+                covariance: None,
+            });
+        }
+        let body = |run: &Run| {
+            let recording = Recording::new(std::slice::from_ref(run), 0.0);
+            Body::plain(recording, rig, &[0]).unwrap()
+        };
+        let still = body(&run);
+        let moved = still.values(0, &[], &still.begin());
+        let mut rng = StdRng::seed_from_u64(11);
+        for (k, (s, m)) in run.samples.iter_mut().zip(moved).enumerate() {
+            let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
+            s.values[Channel::X] = m[Channel::X] + 1e-4 * noise() + off_m(k);
+            s.values[Channel::U] = m[Channel::U] + 1e-4 * noise();
+        }
+        body(&run)
+    }
+
+    fn of(body: &Body) -> Noises {
+        estimate(body, &[body.values(0, &[], &body.begin())], None)
+    }
+
+    /// An sd in the import's map changed nothing.
+    #[test]
+    fn noise_is_never_below_the_sd_that_the_import_states() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let white = |stated: [f64; 2]| {
+            let found = of(&surge(&rig, stated, |_| 0.0));
+            [Channel::X, Channel::U].map(|c| found.channels[c].unwrap().white_sd)
+        };
+        let free = white([0.0, 0.0]);
+        assert!(free.iter().all(|sd| (3e-5..2e-4).contains(sd)), "{free:?}");
+        let floored = white([1e-3, 4e-3]);
+        assert!(
+            floored[0] >= 0.999e-3 && floored[1] >= 3.99e-3,
+            "{floored:?}"
+        );
+        // One that is finer than what is seen changes nothing.
+        let finer = white([1e-6, 0.0]);
+        assert!((finer[0] / free[0]).ln().abs() < 0.2, "{finer:?} {free:?}");
+    }
+
+    /// Spikes are left out, however many; what is no spike is used.
+    #[test]
+    fn many_large_innovations_are_used_unless_they_stand_out_of_the_motion() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let out = |off: &dyn Fn(usize) -> f64| -> Vec<usize> {
+            let found = of(&surge(&rig, [0.0; 2], off));
+            let used = found.used[0].iter().map(|u| u[Channel::X]).enumerate();
+            used.filter(|(_, used)| !used).map(|(k, _)| k).collect()
+        };
+        let spiked = |k: usize| k > 20 && k < 380 && k % 9 == 4;
+        let spikes = out(&|k| if spiked(k) { 0.3 } else { 0.0 });
+        let mut known = (0..400).filter(|k| spiked(*k));
+        assert!(known.all(|k| spikes.contains(&k)), "{spikes:?}");
+        // Below the tolerance nothing stands out.
+        let small = out(&|k| if k % 9 == 4 { 1.5e-3 } else { 0.0 });
+        assert!(small.len() <= 20, "{small:?}");
+    }
 }

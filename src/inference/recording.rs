@@ -120,6 +120,8 @@ pub struct Recorded {
     pub values: Vec<PerChannel<f64>>,
     /// Standard deviation of each pose channel as logged; NaN = unknown.
     pub logged_sd: Vec<[f64; 6]>,
+    /// Least noise of each channel as the import states it, along the body's axes the smaller of x and y; 0 = not stated.
+    pub stated_sd: PerChannel<f64>,
     /// (time, body wrench), from `start_s` on.
     pub commands: Vec<(f64, [f64; 6])>,
     /// (sine, cosine) of the heading at each stamp.
@@ -281,6 +283,12 @@ impl Recorded {
             .iter()
             .map(|s| Channel::POSES.map(|c| s.sd(c).unwrap_or(f64::NAN)))
             .collect();
+        let mut stated_sd = run.instrument_sd;
+        if both {
+            // Rotated, either may stand for the other.
+            let least = stated_sd[X].min(stated_sd[Y]);
+            (stated_sd[X], stated_sd[Y]) = (least, least);
+        }
         let mut commands: Vec<(f64, [f64; 6])> = vec![(start_s, run.wrench_at(start_s))];
         let later = run.commands.iter().filter(|c| c.t_s > start_s);
         commands.extend(later.map(|c| (c.t_s, c.wrench)));
@@ -290,6 +298,7 @@ impl Recorded {
             start_s,
             values,
             logged_sd,
+            stated_sd,
             commands: averaged(commands),
             heading,
             companions: run.companions.clone(),

@@ -3,6 +3,7 @@
 //! - [`least_squares`]: one nonlinear least-squares loop (Levenberg–Marquardt, Gauss–Newton), each option with its
 //!   default, reason and source;
 //! - [`apart`]: samples of a series that stand apart from their neighbours, without a model;
+//! - [`outliers`]: the same of a measurement, by the motion around each sample;
 //! - [`cancel`]: ending a long computation from outside;
 //! - [`cholesky`]: factors scaled to unit diagonal, with jitter;
 //! - [`information`]: from an information matrix to a covariance, undetermined directions said;
@@ -36,6 +37,7 @@ pub mod cholesky;
 pub mod information;
 pub mod least_squares;
 pub mod noise;
+pub mod outliers;
 pub mod parallel;
 pub mod span;
 pub mod statistics;

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::diagnose_real::ship;
+use crate::diagnose_real::{DRIVE, ship, source};
 use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
@@ -439,4 +439,55 @@ fn the_ship_under_way_is_damped_by_its_lift() {
         "{:?}",
         v.at_limit
     );
+}
+
+/// The carriage stops at 78.0 to 78.5 s, and the ship swings on with what that gave it: the one window that was named held the
+/// whole run.
+#[test]
+#[ignore = "minutes of processor time: tests/nightly"]
+fn the_stop_of_the_carriage_lies_in_a_window_that_is_named() {
+    let of = |stem, u, window| rolling(stem, u, window, 10);
+    let (Some(a), Some(b), Some(c)) = (
+        of("21340", WAY_MPS, (30.0, 86.0)),
+        of("21338", 0.0, (9.4, 34.0)),
+        of("21338", 0.0, (64.0, 100.0)),
+    ) else {
+        return;
+    };
+    let name = a.run.name.clone();
+    let v = diagnose(&[a, b, c], &[], &ship(), &|_| {}).unwrap().verdict;
+    show(&v);
+    println!("  where {:?}", v.place);
+    let all = [&v.place.windows, &v.place.left_windows];
+    let mut windows = all.into_iter().filter_map(|w| w.get(&name)).flatten();
+    let stop = windows.any(|[from_s, to_s]| *from_s <= 78.5 && *to_s >= 78.0 && *from_s > 60.0);
+    assert!(stop, "{:?}", v.place);
+    assert!(v.place.regime.contains("s of "), "{}", v.place.regime);
+}
+
+/// 8.6 % of the drive's samples and 6.9 % of the tanker's yaw were called outliers, fatally.
+#[test]
+fn sound_recordings_hold_no_outliers() {
+    let outliers = |run: &Run, rig: &Rig| -> Vec<String> {
+        let found = faults(run, &Records::default(), rig).into_iter();
+        let outliers = found.filter(|f| f.fault == "outliers");
+        outliers.map(|f| f.evidence).collect()
+    };
+    let rig = tanker(VehicleModel::Eq1);
+    for stem in ["Z_10_05", "Z_15_05", "Z_20_05", "Z_20_10_S"] {
+        let Some(found) = zigzag(stem, 1) else { return };
+        assert_eq!(outliers(&found.run, &rig), Vec::<String>::new(), "{stem}");
+    }
+    let Some(table) = input("cases/real/emps/DATA_EMPS_SC.csv") else {
+        return;
+    };
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut run = source(&table, DRIVE, &rig).run;
+    assert_eq!(outliers(&run, &rig), Vec::<String>::new());
+    // One sample in twelve half a metre off.
+    for s in run.samples.iter_mut().skip(5).step_by(12) {
+        s.values[Channel::X] += 0.5;
+    }
+    let found = outliers(&run, &rig);
+    assert!(found.len() == 1 && found[0].starts_with("8."), "{found:?}");
 }

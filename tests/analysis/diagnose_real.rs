@@ -16,11 +16,11 @@ const ROLL: &str = "[time]\ncolumn = \"time\"\nunit = \"s\"\nclock = \"relative\
 /// The simulation writes the same angle under another name of the time.
 const FNPF: &str = "[time]\ncolumn = \"Time\"\nunit = \"s\"\nclock = \"relative\"\n[motion.phi_rad]\ncolumn = \"phi\"\nunit = \"rad\"\n";
 /// Force over voltage as the drive's data sheet has it.
-const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\nclock = \"relative\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
+pub const DRIVE: &str = "[time]\ncolumn = \"time_exp\"\nunit = \"s\"\nclock = \"relative\"\n[motion.x_m]\ncolumn = \"q_meas\"\nunit = \"m\"\n\
                      [[command]]\nthruster = \"surge\"\ncolumn = \"u_in\"\nscale = 35.15\nbetween = \"hold\"\n";
 
 /// The table as a log, read back.
-fn source(table: &Path, map: &str, rig: &Rig) -> Source {
+pub fn source(table: &Path, map: &str, rig: &Rig) -> Source {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("log.mcap");
     let parsed = Map::from_toml(map, "map.toml").unwrap();

@@ -133,6 +133,7 @@ impl Run {
             from_pulses: self.from_pulses,
             noise_at_rest: self.noise_at_rest.clone(),
             joined: self.joined,
+            instrument_sd: self.instrument_sd,
             notes: Vec::new(),
         };
         if !is_first {

@@ -1,61 +1,103 @@
 //! Where the vehicle alone misses, and the test that it does.
 
+mod windows;
+
 use std::collections::{BTreeMap, BTreeSet};
 
+use hydroline_inference::fit::Fit;
 use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
 
 use super::earned::worst;
 use super::found::{Judged, relative};
 use crate::verdict::{Test, Where};
+use windows::{Cell, Windows, cells, merge};
 
-/// Length over which innovations are summed \[s\].
-const WINDOW_S: f64 = 0.5;
-/// Excess of their squares, in its sd, above which a window counts.
-const BEYOND: f64 = 5.0;
+/// Misfit of a model, over all DOFs.
+#[derive(Debug, Default)]
+struct Misfit {
+    /// DOFs in which it is more than noise.
+    dof: Vec<String>,
+    /// Windows by run \[s\].
+    windows: BTreeMap<String, Vec<[f64; 2]>>,
+    /// DOF by DOF in words.
+    words: Vec<String>,
+    /// Those of them that speak of a small part of the time.
+    events: Vec<String>,
+}
 
 impl Judged<'_> {
     /// Stage, DOFs and windows.
     pub fn place(&self) -> Where {
-        let problem = &self.found.problem;
-        let body = &problem.body;
+        let body = &self.found.problem.body;
         let heaviest = self.weights.get(&self.best.terms).and_then(|w| {
             let each = self.best.terms.iter().zip(w);
             each.max_by(|a, b| {
                 relative(a.1, &body.tolerance).total_cmp(&relative(b.1, &body.tolerance))
             })
         });
-        let mut windows: BTreeMap<String, Vec<[f64; 2]>> = BTreeMap::new();
-        let mut dof: Vec<String> = Vec::new();
-        for (d, runs) in problem.innovations(&[], &self.alone.point) {
-            let mut any = false;
-            for (run, white) in runs.iter().enumerate() {
-                let r = &body.recording.runs[run];
-                for window in high(&r.times_s, white) {
-                    any = true;
-                    merge(windows.entry(r.name.clone()).or_default(), window);
-                }
-            }
-            if any {
-                dof.push(Dof::ALL[d].name().to_owned());
-            }
+        let alone = self.misfit(self.alone);
+        let left = match self.best.terms.is_empty() {
+            true => Misfit::default(),
+            false => self.misfit(self.best),
+        };
+        let first = body.recording.runs.first();
+        let first = first.and_then(|r| alone.windows.get(&r.name));
+        let mut regime = match alone.words.is_empty() {
+            true => "nowhere beyond the noise".to_owned(),
+            false => alone.words.join("; "),
+        };
+        if !left.words.is_empty() {
+            regime += &format!("; what the effects leave: {}", left.words.join("; "));
         }
-        let first = body
-            .recording
-            .runs
-            .first()
-            .and_then(|r| windows.get(&r.name));
         Where {
             stage: heaviest.map(|h| body.candidates[*h.0].info.stage.name().to_owned()),
             windows_s: first.cloned().unwrap_or_default(),
-            regime: if dof.is_empty() {
-                "nowhere beyond the noise".to_owned()
-            } else {
-                format!("in {}", dof.join(", "))
-            },
-            dof,
-            windows,
+            regime,
+            dof: alone.dof,
+            windows: alone.windows,
+            left_windows: left.windows,
         }
+    }
+
+    /// Remark on what the likeliest model leaves where most of it lies in a small part of the time: something happened there.
+    pub fn events(&self) -> Vec<String> {
+        let events = self.misfit(self.best).events.into_iter();
+        events
+            .map(|words| {
+                format!(
+                    "most of what the model leaves lies in a small part of the time, {words}: did something happen there that no command says (a stop, a touch, a cable)?"
+                )
+            })
+            .collect()
+    }
+
+    /// Windows in which a model misses, of all DOFs and runs.
+    fn misfit(&self, fit: &Fit) -> Misfit {
+        let problem = &self.found.problem;
+        let runs = &problem.body.recording.runs;
+        let mut made = Misfit::default();
+        for (d, white) in problem.innovations(&fit.terms, &fit.point) {
+            let both = runs.iter().zip(&white).enumerate();
+            let cells: Vec<Cell> = both
+                .flat_map(|(run, (r, white))| cells(run, &r.times_s, white))
+                .collect();
+            let name = Dof::ALL[d].name();
+            let Some(found) = Windows::of(&cells) else {
+                continue;
+            };
+            made.dof.push(name.to_owned());
+            for w in &found.all {
+                let of_run = made.windows.entry(runs[w.run].name.clone()).or_default();
+                merge(of_run, w.span_s);
+            }
+            let words = found.words(name, |run| runs[run].name.as_str());
+            if found.is_event() {
+                made.events.push(words.clone());
+            }
+            made.words.push(words);
+        }
+        made
     }
 
     /// Whether the vehicle alone passes as noise.
@@ -111,36 +153,4 @@ impl Judged<'_> {
         };
         spots.into_iter().map(named).collect()
     }
-}
-
-/// Windows in which innovations are larger than noise.
-fn high(times_s: &[f64], white: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut found = Vec::new();
-    let mut first = 0;
-    while first < times_s.len() {
-        let from_s = times_s[first];
-        let next = times_s
-            .partition_point(|t| *t < from_s + WINDOW_S)
-            .max(first + 1);
-        let all = white[first..next].iter().flatten().filter(|v| **v != 0.0);
-        let (energy, n) = all.fold((0.0, 0.0), |(e, n), v| (e + v * v, n + 1.0));
-        if n > 0.0 && (energy - n) / (2.0_f64 * n).sqrt() > BEYOND {
-            found.push([from_s, times_s[next - 1]]);
-        }
-        first = next;
-    }
-    found
-}
-
-fn merge(windows: &mut Vec<[f64; 2]>, new: [f64; 2]) {
-    windows.push(new);
-    windows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut joined: Vec<[f64; 2]> = Vec::new();
-    for w in windows.drain(..) {
-        match joined.last_mut().filter(|l| w[0] - l[1] < 2.0 * WINDOW_S) {
-            Some(last) => last[1] = last[1].max(w[1]),
-            None => joined.push(w),
-        }
-    }
-    *windows = joined;
 }

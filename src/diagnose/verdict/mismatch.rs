@@ -11,10 +11,14 @@ pub struct Where {
     pub stage: Option<String>,
     /// Degrees of freedom in which the model without effects misses by more than its noise.
     pub dof: Vec<String>,
-    /// Windows of the first run in which the model without effects misses by more than its noise \[s\].
+    /// Windows of the first run in which the model without effects misses by more than its noise, and by more than elsewhere where it
+    /// misses everywhere \[s since the log's first stamp\].
     pub windows_s: Vec<[f64; 2]>,
     /// The same, run by run.
     pub windows: BTreeMap<String, Vec<[f64; 2]>>,
+    /// Windows in which the model with the effects still misses so, run by run \[s since the log's first stamp\].
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub left_windows: BTreeMap<String, Vec<[f64; 2]>>,
     /// The same in words; of frames with the size of the misfit.
     pub regime: String,
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 
-use hydroline_core::run::{Channel, Command, Joined, Run, Sample, StillNoise};
+use hydroline_core::run::{Channel, Command, Joined, Run, Sample, StillNoise, instrument_sd};
 
 use super::NOISE_KEY;
 use hydroline_log::messages::{pb, timestamp, unix_ns};
@@ -81,7 +81,10 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         });
     }
     let mut run = load_messages(&name, &commands, &motion, rig)?;
-    run.joined = reader.metadata().get("session").and_then(Joined::of);
+    if let Some(session) = reader.metadata().get("session") {
+        run.joined = Joined::of(session);
+        run.instrument_sd = instrument_sd::of_session(session);
+    }
     // Metadata at the log's end is known only now.
     let stored = reader
         .metadata()

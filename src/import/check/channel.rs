@@ -2,8 +2,13 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::{Finding, FindingList, Options, name, quantile};
+use hydroline_identify::data::unwrap_turns;
+
+use super::{Finding, FindingList, Options, Severity, name, quantile};
 use crate::table::Imported;
+
+/// Four whole turns: an angle that comes back from farther is in another unit \[rad\].
+const TURNS_MAX_RAD: f64 = 8.0 * PI;
 
 /// Between which values a channel lies.
 #[derive(Debug, Clone, Copy)]
@@ -66,11 +71,10 @@ pub(super) fn check(
         return;
     }
     stuck(place, values, data, options.stuck_rows, findings);
-    if let Some(words) = beyond(place, extent, values, data, options) {
-        findings.push(if place == 5 && circles(values, extent, data, options) {
-            Finding::warning("units", None, words + " Or in circles?")
-        } else {
-            Finding::fault("units", None, words)
+    if let Some((severity, words)) = beyond(place, extent, values, data, options) {
+        findings.push(match severity {
+            Severity::Fault => Finding::fault("units", None, words),
+            _ => Finding::warning("units", None, words),
         });
     } else if place < 3 && extent.high - extent.low < 1e-5 {
         findings.warning(
@@ -113,52 +117,97 @@ fn stuck(place: usize, values: &[f64], data: &Imported, rows: usize, findings: &
     }
 }
 
-/// Words for values that no vehicle has.
+/// Words for values that hardly a vehicle has, a fault where nothing that is moved by hand, thrown or falls has them either.
 fn beyond(
     place: usize,
     extent: Extent,
     values: &[f64],
     data: &Imported,
     options: &Options,
-) -> Option<String> {
+) -> Option<(Severity, String)> {
     let Extent { low, high, .. } = extent;
     let (name, largest) = (name(place), high.abs().max(low.abs()));
+    let found = |is_fault: bool, words: String| {
+        let severity = match is_fault {
+            true => Severity::Fault,
+            false => Severity::Warning,
+        };
+        Some((severity, words))
+    };
     match place {
-        3 | 4 if largest > 1.2 * FRAC_PI_2 => Some(format!(
-            "{name}: reaches {largest:.2} rad ({:.0} deg), beyond any roll or pitch of a hull: degrees mapped as rad? Of a quaternion: is its order right?",
-            largest.to_degrees()
-        )),
-        5 if high - low > 8.0 * PI => Some(format!(
-            "{name}: turns by {:.1} rad: degrees mapped as rad?",
-            high - low
-        )),
+        3 | 4 if largest > 1.2 * FRAC_PI_2 => {
+            let angle = continued(values);
+            // A hull that is rolled by hand turns over, and over.
+            let is_fault = largest_speed(&data.times_s, &angle) > options.rate_max_radps
+                || largest > TURNS_MAX_RAD && !circles(&angle, data, options);
+            found(
+                is_fault,
+                format!(
+                    "{name}: reaches {largest:.2} rad ({:.0} deg), beyond any roll or pitch of a hull by itself: degrees mapped as rad? Of a quaternion: is its order right?",
+                    largest.to_degrees()
+                ),
+            )
+        }
+        5 if high - low > TURNS_MAX_RAD => {
+            let mut words = format!(
+                "{name}: turns by {:.1} rad: degrees mapped as rad?",
+                high - low
+            );
+            let is_circling = circles(values, data, options);
+            if is_circling {
+                words += " Or in circles?";
+            }
+            found(!is_circling, words)
+        }
         0..3 => {
             let speed = largest_speed(&data.times_s, values);
             // However far: a long track at the speed of a vehicle is one.
-            (speed > options.speed_max_mps).then(|| {
+            if speed <= options.speed_max_mps {
+                return None;
+            }
+            found(
+                speed > options.speed_unit_mps,
                 format!(
                     "{name}: covers {:.1} m at up to {speed:.1} m/s: millimetres mapped as m?",
                     high - low
-                )
-            })
+                ),
+            )
         }
-        6..9 if largest > options.speed_max_mps => Some(format!(
-            "{name}: reaches {largest:.1} m/s: mm/s mapped as m/s?"
-        )),
-        9..12 if largest > options.rate_max_radps => Some(format!(
-            "{name}: reaches {largest:.1} rad/s: deg/s mapped as rad/s?"
-        )),
+        6..9 if largest > options.speed_max_mps => found(
+            held(values) > options.speed_unit_mps,
+            format!("{name}: reaches {largest:.1} m/s: mm/s mapped as m/s?"),
+        ),
+        9..12 if largest > options.rate_max_radps => found(
+            held(values) > options.rate_unit_radps,
+            format!("{name}: reaches {largest:.1} rad/s: deg/s mapped as rad/s?"),
+        ),
         _ => None,
     }
 }
 
-/// Whether a heading goes on one way, no faster than a vehicle turns.
-fn circles(values: &[f64], extent: Extent, data: &Imported, options: &Options) -> bool {
+/// An angle without its jumps of a whole turn.
+fn continued(values: &[f64]) -> Vec<f64> {
+    let mut angle = values.to_vec();
+    unwrap_turns(angle.iter_mut());
+    angle
+}
+
+/// Whether an angle goes on one way, no faster than a vehicle turns.
+fn circles(values: &[f64], data: &Imported, options: &Options) -> bool {
+    let mut extent = Extent::default();
+    extent.add(values);
     let mut finite = values.iter().filter(|v| v.is_finite());
     let ends = finite.next().zip(finite.next_back());
     let net = ends.map_or(0.0, |(a, b)| (b - a).abs());
     net > options.one_way_share * (extent.high - extent.low)
         && largest_speed(&data.times_s, values) < options.turning_max_radps
+}
+
+/// Size that one value in twenty exceeds: single outliers do not count.
+fn held(values: &[f64]) -> f64 {
+    let finite = values.iter().filter(|v| v.is_finite());
+    let mut sizes: Vec<f64> = finite.map(|v| v.abs()).collect();
+    quantile(&mut sizes, 0.95).unwrap_or(0.0)
 }
 
 /// Largest speed held over ten rows: single outliers do not count.

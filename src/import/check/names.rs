@@ -36,23 +36,37 @@ pub(super) fn check(map: &Map, findings: &mut Vec<Finding>) {
     }
 }
 
-/// An sd that a log cannot hold: its covariance is one of all six numbers of the pose.
+/// An sd's use: a channel's least noise, a covariance of the pose where all six channels of it have one, nothing of a companion.
 pub(super) fn sds(map: &Map, findings: &mut Vec<Finding>) {
-    let given = |range: std::ops::Range<usize>| -> Vec<usize> {
+    let given = |range: std::ops::Range<usize>| -> Vec<&'static str> {
         let own = |p: &usize| map.channels.iter().any(|c| c.place == *p && c.sd.is_some());
-        range.filter(own).collect()
+        range.filter(own).map(name_of).collect()
     };
-    let (mut ignored, pose) = (given(6..PLACES), given(0..6));
-    if pose.len() < 6 {
-        ignored.extend(pose);
+    let (channels, companions) = (
+        given(0..Channel::ALL.len()),
+        given(Channel::ALL.len()..PLACES),
+    );
+    if !channels.is_empty() {
+        let pose = match given(0..6).len() {
+            6 => "the pose's covariance is written with every sample",
+            _ => {
+                "no covariance is written with the samples: a log holds that of all six pose channels or none"
+            }
+        };
+        findings.info(
+            "instrument_sd",
+            format!(
+                "sd of {}: the least noise that diagnose takes for the channel; {pose}",
+                channels.join(", "),
+            ),
+        );
     }
-    if !ignored.is_empty() {
-        let names: Vec<&str> = ignored.into_iter().map(name_of).collect();
+    if !companions.is_empty() {
         findings.warning(
             "sd_ignored",
             format!(
-                "sd of {}: not written, a log holds the covariance of all six pose channels or none; identify estimates the noise from a run at rest or the residuals",
-                names.join(", "),
+                "sd of {}: not written, what is measured beside the motion drives it and has no noise",
+                companions.join(", "),
             ),
         );
     }

@@ -76,10 +76,14 @@ pub struct Options {
     /// Rows beside a group of zeros that tell these steps.
     pub zero_rows: usize,
 
-    /// Faster than any vehicle of this kind: another unit \[m/s\].
+    /// Faster than any vehicle of this kind: perhaps another unit \[m/s\].
     pub speed_max_mps: f64,
-    /// The same of a turn \[rad/s\].
+    /// Faster than anything that is thrown or falls indoors, and the crawl of a vehicle in millimetres: another unit \[m/s\].
+    pub speed_unit_mps: f64,
+    /// Faster than any vehicle of this kind turns, or is turned by hand: of an angle another unit, of a rate perhaps \[rad/s\].
     pub rate_max_radps: f64,
+    /// A rate of six turns a second, and a slow turn in degrees: another unit \[rad/s\].
+    pub rate_unit_radps: f64,
     /// A heading that goes on over several turns does so no faster \[rad/s\]: a turn in two seconds.
     pub turning_max_radps: f64,
     /// Share of a heading's range that lies between its ends if it turns one way.
@@ -126,7 +130,9 @@ impl Default for Options {
             zero_steps: 4.0,
             zero_rows: 6,
             speed_max_mps: 15.0,
+            speed_unit_mps: 40.0,
             rate_max_radps: 12.0,
+            rate_unit_radps: 40.0,
             turning_max_radps: 3.0,
             one_way_share: 0.8,
             stuck_rows: STUCK_ROWS,

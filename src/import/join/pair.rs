@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hydroline_core::run::instrument_sd;
 use hydroline_identify::data::load_messages;
 use hydroline_log::messages::{Stamped, pb};
 use hydroline_log::{LogReader, Record};
@@ -85,6 +86,8 @@ pub struct Pair {
     pub(super) commands_ns: (u64, u64),
     /// The rig that a log carries.
     rig_toml: Option<String>,
+    /// Noise of the motion's instruments, as its log's session states it.
+    pub(super) instrument_sd: Vec<(String, String)>,
 }
 
 fn widen(ends: &mut Option<(u64, u64)>, ns: u64) {
@@ -109,6 +112,7 @@ impl Pair {
             motion_ns: (0, 0),
             commands_ns: (0, 0),
             rig_toml: None,
+            instrument_sd: Vec::new(),
         };
         let clock = |c: &pb::ClockPair| (i128::from(c.monotonic_ns), i128::from(c.realtime_ns));
         let mut ends = None;
@@ -128,6 +132,9 @@ impl Pair {
         (pair.motion, pair.motion_clocks) = (samples.kept, clocks.kept);
         pair.boots[0] = boot_id(&reader);
         pair.own_clocks_ns[0] = own_clock_ns(&reader);
+        if let Some(session) = reader.metadata().get("session") {
+            pair.instrument_sd = instrument_sd::entries(session).collect();
+        }
         let own_rig = |toml: &str| Rig::from_toml(toml, "the log's rig", None).is_ok();
         pair.rig_toml = reader.rig_toml().filter(|t| own_rig(t)).map(str::to_owned);
         let mut ends = None;

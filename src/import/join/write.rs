@@ -79,10 +79,12 @@ pub(super) fn write(
         });
     }
     let rig = pair.rig_toml().unwrap_or("# joined: no rig was recorded\n");
+    let mut session = session(&relation, motion, commands);
+    session.extend(pair.instrument_sd.iter().cloned());
     let head = Head {
         rig_toml: rig.to_owned(),
         calibration_toml: None,
-        session: session(&relation, motion, commands),
+        session,
         build,
     };
     let mut log = FileRecorder::create_whole(out, false, head, WriteSettings::offline(None))?;

@@ -1,7 +1,7 @@
 //! Clean motion of every kind raises no fault; what is wrong is found at its own line, at any rate.
 
 use super::*;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 fn channel(name: &str, column: &str, unit: &str) -> String {
     format!("[motion.{name}]\ncolumn = \"{column}\"\nunit = \"{unit}\"\n")
@@ -427,5 +427,45 @@ fn many_spikes_do_not_hide_each_other() {
         let said = kinds(&found, Severity::Warning);
         let spikes = |kind: &&str| matches!(*kind, "outlier" | "sudden_jump" | "teleport");
         assert!(said.iter().any(spikes), "{every} {size_m}: {said:?}");
+    }
+}
+
+/// A roll beyond 108 degrees was a fault of units, whatever turned the hull.
+#[test]
+fn a_hull_that_is_rolled_by_hand_has_no_fault_of_units() {
+    let map = map_of(&[("phi_rad", "roll", "rad")]);
+    let turn = |rad: f64| (rad + PI).rem_euclid(2.0 * PI) - PI;
+    // Over and over at a turn in four seconds, wrapped or not; a turn and a half there and back.
+    let over = |t: f64| 0.5 * PI * t;
+    let back = |t: f64| 3.0 * PI * (0.3 * t).sin();
+    let ways: [&dyn Fn(f64) -> f64; 3] = [&|t| turn(over(t)), &over, &back];
+    for way in ways {
+        let text = sampled("roll", 25.0, 1000, |k, t| vec![way(t) + 1e-3 * noise(k, 0)]);
+        let data = read(&text, &map);
+        assert!(faults(&data).is_empty(), "{:?}", data.findings);
+        assert!(kinds(&data, Severity::Warning).contains(&"units"));
+        assert!(data.motion[3].iter().all(|v| v.is_finite()));
+    }
+    // Ten degrees in two seconds, as radians.
+    let text = sampled("roll", 25.0, 1000, |_, t| vec![10.0 * (PI * t).sin()]);
+    assert_eq!(kinds(&read(&text, &map), Severity::Fault), ["units"]);
+}
+
+/// What moves faster than 15 m/s was a fault of units, and each of its steps one of jumps.
+#[test]
+fn a_ball_at_23_mps_is_no_fault_and_keeps_its_samples() {
+    let map = map_of(&[("x_m", "x", "m"), ("u_mps", "u", "m/s")]);
+    for rate_hz in [25.0, 100.0, 200.0] {
+        let text = sampled("x,u", rate_hz, 1500, |k, t| {
+            let phase = (t + 0.3).rem_euclid(2.0) - 1.0;
+            vec![
+                23.0 * phase.abs() + 1e-3 * noise(k, 0),
+                23.0 * phase.signum() + 1e-2 * noise(k, 1),
+            ]
+        });
+        let data = read(&text, &map);
+        assert!(faults(&data).is_empty(), "{rate_hz}: {:?}", data.findings);
+        assert!(kinds(&data, Severity::Warning).contains(&"units"));
+        assert!(data.motion[0].iter().all(|v| v.is_finite()));
     }
 }

@@ -146,7 +146,8 @@ impl Steps<'_> {
         } else {
             options.speed_max_mps
         };
-        let fast = change.abs() / dt_s > fastest && large;
+        // By what it is beyond the motion around it: a ball is thrown faster than a vehicle goes.
+        let fast = out_of_line.abs() / dt_s > fastest && large;
         Some(Jump {
             seen: Seen {
                 line: series.line(i),
