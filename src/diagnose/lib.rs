@@ -189,7 +189,7 @@ mod tests {
         assert!(!v.fit.train.before.is_empty() && !v.fit.train.after.is_empty());
         let page = report::pages(&found, "hydroline diagnose").page.html();
         assert!(page.contains("This is the verdict so far"));
-        // Whoever waits for the next run gets its plan all the same, where there is a rival to tell apart.
+        // Whoever waits for the next run gets its plan all the same, where there is a rival to separate.
         let beside = Beside {
             needs_plan: true,
             ..Beside::default()

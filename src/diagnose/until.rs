@@ -372,7 +372,7 @@ mod tests {
             why.contains("still open: beside the vehicle alone"),
             "{why}"
         );
-        // What is not settled anyway is told apart by the next run; whoever pressed Ctrl-C wants none.
+        // What is not settled anyway is left to the next run; whoever pressed Ctrl-C wants none.
         assert!(matches!(step(Cause::Time, Word::Ambiguous), Step::Run(_)));
         assert!(matches!(
             step(Cause::Interrupt, Word::Ambiguous),

@@ -84,9 +84,9 @@ impl Limit {
 /// Progress and limit of a computation that takes long.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
-    /// Told in words what begins.
+    /// Receiver of what begins, in words.
     pub progress: &'a (dyn Fn(&str) + Sync),
-    /// Asked between two steps.
+    /// Limit that is asked between two steps.
     pub limit: Limit,
 }
 
@@ -99,7 +99,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Tells what begins.
+    /// Says what begins.
     pub fn tell(&self, what: &str) {
         (self.progress)(what);
     }

@@ -18,7 +18,7 @@ impl<'a> Anytime<'a> {
         }
     }
 
-    /// Tells what begins.
+    /// Says what begins.
     pub fn tell(&self, what: &str) {
         self.watch.tell(what);
     }

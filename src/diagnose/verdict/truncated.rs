@@ -21,7 +21,7 @@ pub enum TruncatedBy {
 /// End of a search that was not at its end.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, schemars::JsonSchema)]
 pub struct Truncated {
-    /// Who ended it: `time_limit`, or `interrupt` for Ctrl-C.
+    /// Who ended it.
     pub by: TruncatedBy,
     /// Steps of the search that were made whole: each looks beside one model for others.
     pub steps: usize,

@@ -139,13 +139,13 @@ static WISH: AtomicBool = AtomicBool::new(false);
 /// Models that the search looked beside, in turn; the wish to end is said while it looks beside so many.
 fn looked_beside(end_at: Option<usize>) -> (Found, Vec<String>) {
     WISH.store(false, Ordering::Relaxed);
-    let told = Mutex::new(Vec::new());
+    let heard = Mutex::new(Vec::new());
     let progress = |what: &str| {
-        let mut told = told.lock().unwrap();
+        let mut heard = heard.lock().unwrap();
         // Without the share of the budget and the best so far.
         let model = what.split(" (").next().unwrap_or(what);
-        told.push(model.to_owned());
-        if end_at == Some(told.len()) {
+        heard.push(model.to_owned());
+        if end_at == Some(heard.len()) {
             WISH.store(true, Ordering::Relaxed);
         }
     };
@@ -164,7 +164,7 @@ fn looked_beside(end_at: Option<usize>) -> (Found, Vec<String>) {
         ..Options::default()
     };
     let found = search(problem, options, watch).unwrap();
-    (found, told.into_inner().unwrap())
+    (found, heard.into_inner().unwrap())
 }
 
 #[test]
