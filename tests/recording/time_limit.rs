@@ -67,7 +67,7 @@ fn the_first_ctrl_c_gives_the_verdict_so_far() {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
         let caught = text.lines().find_map(|l| l.strip_prefix("SigCgt:"));
         let caught = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-        caught.is_some_and(|mask| mask >> (libc::SIGINT - 1) & 1 == 1)
+        caught.is_some_and(|mask| (mask >> (libc::SIGINT - 1)) & 1 == 1)
     };
     while !listens() {
         assert!(

@@ -193,8 +193,8 @@ def diagnose(
     accept_faults: Goes on although the data are at fault: what stands in the verdict then may be the fault's doing
     given: Degree of freedom whose measured motion is an input and not to be explained (surge, sway, heave, roll,
         pitch, yaw; repeatable, or with commas): a towed or steered hull, a carriage
-    time_limit: Time after which a diagnosis ends with the verdict so far, marked so and with what was still open; none
-        = it goes on to its end
+    time_limit: Time after which a diagnosis ends with the verdict so far, marked so and with what was still open;
+        none = it goes on to its end
     report: Writes DIR/diagnose.html (the report), before-after.svg (its figure), diagnose.json, and next.toml: the
         plan of the next experiment
     write_rig: Writes the rig with refitted coefficients and the [[physics]] that were left out
