@@ -3,9 +3,11 @@
 use hydroline_core::run::Run;
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_identify::Identification;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
+use std::time::Duration;
 
 /// A coefficient.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -127,11 +129,53 @@ pub struct Diagnosed {
     pub faults: Vec<String>,
     /// Plan to run next; empty = none.
     pub next_plan: String,
+    /// End by the time limit; absent = the search came to its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truncated: Option<Truncated>,
+}
+
+/// End of a diagnosis by its time limit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Truncated {
+    /// The limit.
+    pub limit_s: f64,
+    /// Steps of the search that were made whole.
+    pub steps: usize,
+    /// Last work that was done, in words.
+    pub after: String,
+    /// Work that was left open, in words.
+    pub open: Vec<String>,
+}
+
+/// The end of a sheet's diagnosis, of a sheet that may have none.
+#[derive(Debug, Deserialize)]
+pub(crate) struct End {
+    #[serde(default)]
+    diagnosed: Option<Result<Truncation, IgnoredAny>>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Truncation {
+    #[serde(default)]
+    truncated: Option<Truncated>,
+}
+
+impl End {
+    /// Whether a longer limit than the one that ended it would go on.
+    pub fn falls_short_of(&self, limit: Option<Duration>) -> bool {
+        let Some(Ok(Truncation {
+            truncated: Some(end),
+        })) = &self.diagnosed
+        else {
+            return false;
+        };
+        limit.is_none_or(|limit| limit.as_secs_f64() > end.limit_s)
+    }
 }
 
 impl Diagnosed {
-    /// Of a verdict.
-    pub fn of(v: &Verdict) -> Self {
+    /// Of a verdict under a time limit.
+    pub fn of(v: &Verdict, limit: Option<Duration>) -> Self {
         let effects = v.effects.iter().map(|e| Effect {
             effect: e.effect.clone(),
             dof: e.dof.clone().unwrap_or_default(),
@@ -160,6 +204,16 @@ impl Diagnosed {
                 .next_experiment
                 .as_ref()
                 .map_or(String::new(), |n| n.plan.clone()),
+            truncated: v
+                .truncated
+                .as_ref()
+                .zip(limit)
+                .map(|(end, limit)| Truncated {
+                    limit_s: limit.as_secs_f64(),
+                    steps: end.steps,
+                    after: end.after.clone(),
+                    open: end.open.clone(),
+                }),
         }
     }
 }

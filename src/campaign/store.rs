@@ -1,7 +1,7 @@
 //! Sheets on disk: one file per unit, named by its key; and content hashes of files that have not changed since.
 
 use hydroline_log::held;
-use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -113,11 +113,6 @@ impl Store {
     pub fn get<T: DeserializeOwned>(&self, key: &str) -> Option<T> {
         let bytes = std::fs::read(self.sheet_path(key)).ok()?;
         serde_json::from_slice(&bytes).ok()
-    }
-
-    /// Whether a sheet is there and whole.
-    pub fn has(&self, key: &str) -> bool {
-        self.get::<IgnoredAny>(key).is_some()
     }
 
     /// Writes a sheet, whole or not at all.

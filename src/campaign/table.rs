@@ -15,7 +15,7 @@ use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 
 /// Columns in this order; coefficients, noise, ranges and predictions follow by name.
-const FIRST: [&str; 23] = [
+const FIRST: [&str; 24] = [
     "kind",
     "group",
     "vehicle",
@@ -34,6 +34,7 @@ const FIRST: [&str; 23] = [
     "verdict",
     "effects",
     "sentence",
+    "truncated",
     "model",
     "variance_ratio",
     "misfit",
@@ -329,6 +330,8 @@ fn diagnosed(row: &mut Row, found: &Result<Diagnosed, String>, remarks: &mut Vec
     };
     put(row, "verdict", found.verdict.name());
     put(row, "sentence", found.sentence.as_str());
+    let open = found.truncated.as_ref().map(|end| end.open.join("; "));
+    put(row, "truncated", open.unwrap_or_default());
     let effects: Vec<String> = found
         .effects
         .iter()

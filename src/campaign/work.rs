@@ -4,12 +4,14 @@ use crate::change::change;
 use crate::evenly;
 use crate::group::Group;
 use crate::overlay::motion_key;
-use crate::sheet::{ChangeSheet, Coefficients, Diagnosed, Finding, Motion, RunSheet, SetSheet};
+use crate::sheet::{
+    ChangeSheet, Coefficients, Diagnosed, End, Finding, Motion, RunSheet, SetSheet,
+};
 use crate::store::{Store, StoreError};
 use crate::survey::Found;
 use crate::unit::{Task, Unit};
 use hydroline_core::run::{Channel, Run};
-use hydroline_diagnose::{Source, diagnose, read};
+use hydroline_diagnose::{Beside, Limit, Source, Watch, diagnose_beside, read};
 use hydroline_identify::data::{LoadError, load, memory_s};
 use hydroline_identify::{Options, identify};
 use hydroline_log::AtomicFile;
@@ -20,6 +22,7 @@ use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Runs of one fit at most: beyond, time grows with their number and intervals shrink with its root. Chosen evenly over time,
 /// and reported.
@@ -42,6 +45,8 @@ pub struct Campaign<'a> {
     pub store: &'a Store,
     /// From images to poses.
     pub replay: &'a Replay<'a>,
+    /// Time limit of each diagnosis; `None` = there is none.
+    pub time_limit: Option<Duration>,
 }
 
 impl std::fmt::Debug for Campaign<'_> {
@@ -66,9 +71,10 @@ pub enum WorkError {
 }
 
 impl Campaign<'_> {
-    /// Whether a unit's sheet is there.
+    /// Whether a unit's sheet is there, and no shorter time limit than this one ended its diagnosis.
     pub fn is_done(&self, unit: &Unit) -> bool {
-        self.store.has(&unit.key)
+        let end = self.store.get::<End>(&unit.key);
+        end.is_some_and(|end| !end.falls_short_of(self.time_limit))
     }
 
     /// Of each unit whether its sheet is there.
@@ -175,7 +181,7 @@ impl Campaign<'_> {
                     .map(|(dof, load)| (dof.name().to_owned(), load))
                     .collect();
                 sheet.identified = identified(&[run], &rig, false);
-                sheet.diagnosed = diagnosed(&[(found.path.as_path(), path)], &rig);
+                sheet.diagnosed = diagnosed(&[(found.path.as_path(), path)], &rig, self.time_limit);
             }
         }
         Ok(sheet)
@@ -323,7 +329,7 @@ impl Campaign<'_> {
             .collect();
         let diagnosed = match recorded.is_empty() {
             true => Err("no run of this set can be used".to_owned()),
-            false => diagnosed(&recorded, &rig),
+            false => diagnosed(&recorded, &rig, self.time_limit),
         };
         Ok(SetSheet {
             runs: kept
@@ -404,7 +410,11 @@ fn identified(runs: &[Run], rig: &Rig, cross_validate: bool) -> Result<Coefficie
 }
 
 /// Of logs, each with where its motion stands: in itself, or in its replay.
-fn diagnosed(logs: &[(&Path, PathBuf)], rig: &Rig) -> Result<Diagnosed, String> {
+fn diagnosed(
+    logs: &[(&Path, PathBuf)],
+    rig: &Rig,
+    time_limit: Option<Duration>,
+) -> Result<Diagnosed, String> {
     let source = |(log, motion): &(&Path, PathBuf)| {
         let source = read(motion, rig)?;
         Ok(match motion == log {
@@ -414,8 +424,13 @@ fn diagnosed(logs: &[(&Path, PathBuf)], rig: &Rig) -> Result<Diagnosed, String> 
     };
     let sources: Result<Vec<Source>, LoadError> = logs.iter().map(source).collect();
     let sources = sources.map_err(|e| e.to_string())?;
-    let found = diagnose(&sources, &[], rig, &|_| ()).map_err(|e| e.to_string())?;
-    Ok(Diagnosed::of(&found.verdict))
+    let watch = Watch {
+        progress: &|_| (),
+        limit: time_limit.map_or(Limit::NONE, Limit::after),
+    };
+    let found = diagnose_beside(&sources, &[], rig, &Beside::default(), watch);
+    let found = found.map_err(|e| e.to_string())?;
+    Ok(Diagnosed::of(&found.verdict, time_limit))
 }
 
 /// Least and greatest of what was measured.
@@ -459,9 +474,10 @@ fn outliers(found: &Coefficients) -> Vec<(String, f64)> {
 mod tests {
     use super::*;
     use crate::group::groups_at;
-    use crate::sheet::Change;
+    use crate::sheet::{Change, Truncated};
     use crate::survey::Identity;
     use crate::unit::units;
+    use hydroline_diagnose::verdict::Word;
 
     const DAY_NS: u64 = 86_400_000_000_000;
     /// 2026-01-01.
@@ -528,6 +544,7 @@ mod tests {
             units: &units,
             store: &store,
             replay: &|_: &Path, _: &Path| Ok(()),
+            time_limit: None,
         };
         let whole = unit(Task::Group { group: 0 });
         let sheet = campaign.group(whole, 0).unwrap();
@@ -536,6 +553,66 @@ mod tests {
         assert_eq!(sheet.left[0], "runs before 2026-01-02: heavier");
         assert!(sheet.left[1].starts_with("1 run(s) without a day"));
         assert_eq!(sheet.left[2], "of the day");
+    }
+
+    /// Under `--time-limit none` a day kept the verdict that a limit had ended.
+    #[test]
+    fn what_a_time_limit_ended_is_done_again_under_a_longer_one() {
+        let logs = [log("a.mcap", NEW_YEAR_NS)];
+        let groups = groups_at(&logs, NEW_YEAR_NS + DAY_NS);
+        let units = units(&logs, &groups, "build");
+        let dir = tempfile::tempdir().unwrap();
+        let store = Store::open(dir.path()).unwrap();
+        let sheet = |truncated| SetSheet {
+            runs: Vec::new(),
+            left: Vec::new(),
+            identified: Err(String::new()),
+            diagnosed: Ok(Diagnosed {
+                verdict: Word::None,
+                sentence: String::new(),
+                effects: Vec::new(),
+                predicted: BTreeMap::new(),
+                faults: Vec::new(),
+                next_plan: String::new(),
+                truncated,
+            }),
+            outliers: Vec::new(),
+        };
+        let done = |seconds: Option<u64>| {
+            let campaign = Campaign {
+                logs: &logs,
+                groups: &groups,
+                units: &units,
+                store: &store,
+                replay: &|_: &Path, _: &Path| Ok(()),
+                time_limit: seconds.map(Duration::from_secs),
+            };
+            campaign.is_done(&units[0])
+        };
+        assert!(!done(None));
+        store.put(&units[0].key, &sheet(None)).unwrap();
+        assert!(done(None) && done(Some(1)));
+        let end = Truncated {
+            limit_s: 120.0,
+            steps: 3,
+            after: "beside the vehicle alone".to_owned(),
+            open: vec!["beside thruster_lag surge".to_owned()],
+        };
+        store.put(&units[0].key, &sheet(Some(end))).unwrap();
+        assert!(done(Some(120)) && done(Some(1)));
+        assert!(!done(None) && !done(Some(121)));
+        // Why there is no diagnosis is no end by a limit, and changes have none.
+        let failed = SetSheet {
+            diagnosed: Err("nothing moves".to_owned()),
+            ..sheet(None)
+        };
+        store.put(&units[0].key, &failed).unwrap();
+        assert!(done(None));
+        let changes = ChangeSheet {
+            changes: Vec::new(),
+        };
+        store.put(&units[0].key, &changes).unwrap();
+        assert!(done(None));
     }
 
     /// Whether the replay gives poses, for the sheet; an error is of the unit.
@@ -554,6 +631,7 @@ mod tests {
             units: &[],
             store: &Store::open(folder.path()).unwrap(),
             replay: &replay,
+            time_limit: None,
         };
         campaign.poses(Path::new("run.mcap"), out)
     }

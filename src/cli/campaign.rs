@@ -1,5 +1,6 @@
 //! `hydroline campaign`: many logs, grouped, examined, fitted and compared; units of work for other machines.
 
+use super::limit::LimitArgs;
 use super::many::{LOG, below};
 use super::print::{errln, outln};
 use super::{CliError, Outcome, inputs, progress, replay};
@@ -25,7 +26,8 @@ change: the same of all its runs together. Between days: which single change (ma
 that cannot be used is a row, not the end.
 
 --out holds campaign.html, runs.csv and runs.jsonl, written anew each time, and store/: one sheet per unit of work, named by a \
-hash of logs, rig and build. What is there is not done again; what was broken off goes on.
+hash of logs, rig and build. What is there is not done again; what was broken off goes on. A unit whose diagnosis was ended \
+by --time-limit is done again under a longer one.
 
 Other machines: `--list` prints units that can be done now, one per line, and `--only UNIT` does one; stores may be one shared \
 folder, or copied together. Then `--list` again, until it prints nothing.
@@ -56,6 +58,8 @@ pub struct Args {
     /// Does this unit (repeatable) and nothing else
     #[arg(long, value_name = "UNIT")]
     only: Vec<String>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Ends with exit code 1 when the campaign holds this (several with commas), for scripts
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     fail_on: Vec<FailOn>,
@@ -107,6 +111,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         units: &units,
         store: &store,
         replay: &replayed,
+        time_limit: args.limit.length(),
     };
     if args.list {
         let done = campaign.done();

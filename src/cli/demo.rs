@@ -1,6 +1,7 @@
 //! `hydroline demo`: the main job end to end on the built-in rig, without hardware.
 
 use super::diagnose::{self, cell};
+use super::limit::{LimitArgs, until_signal};
 use super::output::Output;
 use super::print::outln;
 use super::record::Recording;
@@ -13,7 +14,7 @@ use hydroline_core::session::Conditions;
 use hydroline_core::shutdown::StopReason;
 use hydroline_daemon::record::{Report, floor};
 use hydroline_daemon::replay::{self, replay};
-use hydroline_diagnose::{Source, read};
+use hydroline_diagnose::{Beside, Source, Watch, diagnose_beside, read};
 use hydroline_identify::data::{Start, load};
 use hydroline_identify::lm::LevenbergMarquardt;
 use hydroline_identify::problem::Objective;
@@ -49,6 +50,8 @@ pub struct Args {
     /// Folder for the logs; it must not exist yet
     #[arg(long, value_name = "DIR", default_value = "hydroline-demo")]
     out: PathBuf,
+    #[command(flatten)]
+    limit: LimitArgs,
 }
 
 pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
@@ -73,7 +76,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     }
     let stripes: Vec<PathBuf> = PLANS.iter().map(|n| stripes(&args.out, n)).collect();
     identified(&rig, &stripes)?;
-    diagnosed(&rig, &args.out)?;
+    diagnosed(&rig, &args.out, args.limit)?;
     outln!();
     outln!("Everything is in {}. Look closer:", args.out.display());
     outln!(
@@ -122,14 +125,18 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
 }
 
 /// Diagnoses the runs; prints the verdict, and writes the report and a rig with the physics that was left out.
-fn diagnosed(rig: &Rig, out: &Path) -> Result<(), CliError> {
+fn diagnosed(rig: &Rig, out: &Path, limit: LimitArgs) -> Result<(), CliError> {
     let run = |name: &&str| -> Result<Source, CliError> {
         let recorded = out.join(format!("{name}.mcap"));
         Ok(read(&stripes(out, name), rig)?.with_frames_of(&recorded))
     };
     let sources: Result<Vec<Source>, _> = PLANS.iter().map(run).collect();
     let stages = progress::Stages::begin("diagnosing");
-    let found = hydroline_diagnose::diagnose(&sources?, &[], rig, &|what: &str| stages.tell(what));
+    let watch = Watch {
+        progress: &|what| stages.tell(what),
+        limit: until_signal(limit.begin())?,
+    };
+    let found = diagnose_beside(&sources?, &[], rig, &Beside::default(), watch);
     drop(stages);
     let found = found?;
     let page = diagnose::write_report(Output::default(), out, &found, "hydroline demo")?;

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::limit::{LimitArgs, until_ctrl_c};
 use super::output::Output;
 use super::print::{self, errln, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, call, inputs};
 use hydroline_diagnose::verdict::{Verdict, Word};
-use hydroline_diagnose::{Beside, Diagnosis, Part, Source, diagnose_beside, read, report};
+use hydroline_diagnose::{Beside, Diagnosis, Part, Source, Watch, diagnose_beside, read, report};
 use hydroline_identify::data::check_vehicle;
 use hydroline_report::significant;
 use hydroline_rigs::{Dof, Rig};
@@ -20,6 +21,10 @@ unknown, data_fault. Angles of rudder and elevator, shaft speed, waves and stead
 though nothing commanded it and no model follows (the verdict says so). Runs that differ in kind (steps, reversals, coast-down, two tones) tell effects apart; constant \
 thrust hardly does. A decay test (no thruster runs) is taken from where the hull swings freely. A log given alone is cut into \
 four runs, each predicted by the others.
+
+After --time-limit, or at Ctrl-C (the second one ends at once), the verdict is the one so far: its sentence says so and names \
+what was still open (JSON: truncated), and the exit code is 0. A search that goes on may come to another verdict: \
+--time-limit none waits for its end.
 
 Examples:
   hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
@@ -50,6 +55,8 @@ pub struct Args {
     /// repeatable, or with commas): a towed or steered hull, a carriage
     #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = dof)]
     given: Vec<Dof>,
+    #[command(flatten)]
+    limit: LimitArgs,
     /// Prints one JSON object
     #[arg(long)]
     json: bool,
@@ -118,7 +125,11 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         ..Beside::default()
     };
     let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
-    let found = diagnose_beside(&sources, &held, &rig, &beside, &tell)?;
+    let watch = Watch {
+        progress: &tell,
+        limit: until_ctrl_c(args.limit.begin()),
+    };
+    let found = diagnose_beside(&sources, &held, &rig, &beside, watch)?;
     drop(stages);
     if let Some(dir) = &args.report {
         let page = write_report(args.output, dir, &found, &command())?;

@@ -34,6 +34,7 @@ mod images;
 mod import;
 mod inputs;
 mod join;
+mod limit;
 mod live;
 mod log_tools;
 mod man;

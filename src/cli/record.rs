@@ -6,6 +6,7 @@ pub(super) mod until;
 
 use super::bring_back::{self, NearArgs, Way};
 use super::calibrated::{MakeArgs, UseArgs};
+use super::limit::LimitArgs;
 use super::live::{self, LiveArgs, Shown};
 use super::output::Output;
 use super::print::{self, errln, out, outln};
@@ -50,7 +51,8 @@ left\", also on the live page), and Enter starts the next run.
 
 With --next the plan is proposed that says most beside the runs that are there, with its reason; Enter starts it. With \
 --until-decided this goes on: each run is replayed and diagnosed, and it ends when the verdict is decided, or when no \
-plan that the rig runs would decide it. The same command again goes on from the logs.
+plan that the rig runs would decide it. A diagnosis that --time-limit or Ctrl-C ended decides nothing. The same command \
+again goes on from the logs.
 
 With --live a page in the browser shows image, pose, loads and what the run cannot show so far; its STOP does what \
 Space does. The page opens on this computer alone; a phone needs --live 0.0.0.0:8080 and --live-token.
@@ -108,6 +110,8 @@ pub struct Args {
     /// Starts what --next or --until-decided proposes without asking
     #[arg(long)]
     yes: bool,
+    #[command(flatten)]
+    limit: LimitArgs,
     #[command(flatten)]
     near: NearArgs,
     /// Leaves the thrusters alone: no line is opened

@@ -34,12 +34,16 @@ use hydroline_identify::data::{is_still, memory_s};
 use hydroline_identify::stretched;
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
+use hydroline_inference::limit::Watch;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
 use inputs::Inputs;
 
-/// Diagnoses logs against a rig; `held` are predicted only.
+/// Work on the next run that a limit leaves open.
+const NEXT_RUN: &str = "the plan of the next run";
+
+/// Diagnoses logs against a rig; `held` are predicted only. Once the limit is over, what the verdict can do without is left open.
 ///
 /// # Errors
 /// [`DiagnoseError`].
@@ -48,7 +52,7 @@ pub fn diagnose(
     held: &[Source],
     rig: &Rig,
     beside: &Beside<'_>,
-    progress: &(dyn Fn(&str) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Diagnosis, DiagnoseError> {
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     let memory_s = memory_s(&rig.vehicle);
@@ -89,17 +93,24 @@ pub fn diagnose(
     let asking = Asking {
         runs: &runs,
         rig,
-        progress,
+        watch,
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
-    let (found, closed) = closed(found, Options::default(), progress);
+    let (found, closed) = closed(found, Options::default(), watch);
+    let mut account = found.account.clone();
     let posterior = Posterior::new(&found);
-    progress("predictions");
+    account.did("search of the models");
+    watch.tell("predictions");
     let held = apart(held);
-    let mut judged =
-        Judged::new(&found, &posterior, &closed, &held, rig).ok_or(DiagnoseError::NoFit {
+    let mut judged = Judged::new(&found, &posterior, &closed, &held, rig, watch.limit).ok_or(
+        DiagnoseError::NoFit {
             dof: Dof::ALL[dofs[0]].name(),
-        })?;
+        },
+    )?;
+    if judged.one_run_out.is_none() && found.problem.body.recording.runs.len() > 1 {
+        account.leaves_open(watch.limit, "each run as the others predict it");
+    }
+    account.did("predictions");
     let inputs = Inputs::new(&found.problem.body, &asked);
     judged.unexplained.extend(inputs.unexplained());
     let verdict = &mut made.verdict;
@@ -107,12 +118,27 @@ pub fn diagnose(
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
     tell(verdict, &judged, &dofs);
-    made.shown = judged.shown();
-    progress("next run");
-    if let Some((next, offers)) = judged.next(rig, beside.calibration) {
-        verdict.next_experiment = Some(next);
-        made.offers = offers;
+    if judged.is_built_up() && !account.leaves_open(watch.limit, "the effects one after the other")
+    {
+        verdict.ablation = judged.ablation();
     }
+    made.shown = judged.shown();
+    let limit = match beside.needs_plan {
+        true => watch.limit.without_time(),
+        false => watch.limit,
+    };
+    if !account.leaves_open(limit, NEXT_RUN) {
+        watch.tell("next run");
+        let (next, is_cut) = judged.next(rig, beside.calibration, limit);
+        if is_cut {
+            account.leaves_open(limit, NEXT_RUN);
+        }
+        if let Some((next, offers)) = next {
+            verdict.next_experiment = Some(next);
+            made.offers = offers;
+        }
+    }
+    made.account = account;
     made.probability = judged.groups.first().map_or(1.0, |g| g.1);
     verdict.noise = noise_found(&found.problem);
     let withheld = joined::withhold(verdict, &runs);
@@ -137,7 +163,6 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
         .collect();
     verdict.at_limit = judged.at_limit();
     verdict.leave_one_run_out = judged.leave_one_run_out();
-    verdict.ablation = judged.ablation();
     verdict.verdict = judged.word();
     verdict.place = judged.place();
     verdict.notes.extend(judged.events());
@@ -217,7 +242,8 @@ mod tests {
             run,
             ..Source::default()
         };
-        let error = diagnose(&[source], &[], &rig, &Beside::default(), &|_| ()).unwrap_err();
+        let watch = Watch::unlimited(&|_| ());
+        let error = diagnose(&[source], &[], &rig, &Beside::default(), watch).unwrap_err();
         let reason = matches!(error, DiagnoseError::Runs(IdentifyError::TooSparse { .. }));
         assert!(reason, "{error}");
     }

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use hydroline_identify::IdentifyError;
+use hydroline_inference::limit::Account;
 use hydroline_report::Body;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
@@ -58,6 +59,8 @@ pub struct Diagnosis {
     pub images: Option<Body>,
     /// Plans for the next run, the best first.
     pub offers: Vec<super::body::next::Offer>,
+    /// How far the search came, and what a limit left open.
+    pub account: Account,
 }
 
 /// A verdict with the data's faults: `Break` where one of them ends it, of those that `counts`.
@@ -83,6 +86,7 @@ pub(super) fn stopped_by_faults(
         by_motion: Word::DataFault,
         images: None,
         offers: Vec::new(),
+        account: Account::default(),
     };
     let Some(first) = stops else {
         return ControlFlow::Continue(made);

@@ -8,6 +8,7 @@
 //! `geometry` predicts the stripe from [`Optics`](hydroline_sim::effect::Optics): the effects' laws
 //! are `sim`'s, what light makes of them is computed here anew and not by the renderer.
 
+mod anytime;
 pub mod candidate;
 mod evidence;
 pub mod findings;

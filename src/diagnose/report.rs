@@ -36,6 +36,13 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     let shown = &found.shown[..];
     let b = &mut page.body;
     b.lead(&v.sentence);
+    if let Some(truncated) = &v.truncated {
+        b.warning(format!(
+            "This is the verdict so far. {} The last work that was done: {}.",
+            truncated.sentence(usize::MAX),
+            truncated.after
+        ));
+    }
     b.paragraph(Inline::new().code(command));
     let mut before_after_svg = String::new();
     if v.verdict == Word::DataFault {

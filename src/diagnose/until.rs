@@ -10,13 +10,14 @@ use hydroline_core::run::Command;
 use hydroline_design::{
     DesignError, Designed, Options as DesignOptions, Purpose, Set, design, not_shown_yet,
 };
+use hydroline_inference::limit::Watch;
 use hydroline_rigs::{Dof, Rig};
 
 use super::Beside;
 use super::body::next::Offer;
 use super::conclude::{DiagnoseError, Diagnosis};
 use super::source::Source;
-use super::verdict::Word;
+use super::verdict::{TruncatedBy, Word};
 
 /// When to stop.
 #[derive(Debug, Clone, PartialEq)]
@@ -113,7 +114,7 @@ impl<'a> Series<'a> {
         }
     }
 
-    /// Next step behind these runs, when so many more may be made.
+    /// Next step behind these runs, when so many more may be made. The limit is one of the diagnosis.
     ///
     /// # Errors
     /// [`UntilError`].
@@ -121,18 +122,19 @@ impl<'a> Series<'a> {
         &self,
         sources: &[Source],
         runs_left: usize,
-        progress: &(dyn Fn(&str) + Sync),
+        watch: Watch<'_>,
     ) -> Result<Step, UntilError> {
         if sources.is_empty() {
-            return self.begin(runs_left, progress);
+            return self.begin(runs_left, watch.progress);
         }
         let beside = Beside {
             calibration: self.options.calibration.as_ref(),
+            needs_plan: true,
             ..Beside::default()
         };
-        let found = super::diagnose_beside(sources, &[], self.rig, &beside, progress)?;
+        let found = super::diagnose_beside(sources, &[], self.rig, &beside, watch)?;
         match judge(found, &self.options, runs_left) {
-            Step::Decided(found) => self.look_closer(sources, runs_left, *found, progress),
+            Step::Decided(found) => self.look_closer(sources, runs_left, *found, watch.progress),
             other => Ok(other),
         }
     }
@@ -214,6 +216,9 @@ impl<'a> Series<'a> {
     }
 }
 
+/// Open work of a search that its limit ended, named in the reason why nothing is decided.
+const OPEN: usize = 3;
+
 /// Loads of a run are those of its plan to this share: each thruster's pulse is rounded to the wire's grid.
 const SAME_LOAD: f64 = 0.05;
 
@@ -251,8 +256,20 @@ fn judge(found: Diagnosis, options: &Options, runs_left: usize) -> Step {
         let why = format!("{}; mend it, then record anew", found.verdict.sentence);
         return undecided(why, found);
     }
+    let truncated = found.verdict.truncated.as_ref();
+    if truncated.is_some_and(|t| t.by == TruncatedBy::Interrupt) {
+        return undecided("Ctrl-C ended the diagnosis".to_owned(), found);
+    }
     let settled = |word| matches!(word, Word::None | Word::Named);
     if settled(found.by_motion) && found.probability >= options.probability {
+        // What was not looked at may be as likely.
+        if let Some(truncated) = truncated {
+            let why = format!(
+                "{} A longer --time-limit goes on from these runs",
+                truncated.sentence(OPEN)
+            );
+            return undecided(why, found);
+        }
         if settled(word) {
             return Step::Decided(Box::new(found));
         }
@@ -312,6 +329,7 @@ fn open(found: &Diagnosis, options: &Options) -> String {
 mod tests {
     use super::*;
     use crate::verdict::Verdict;
+    use hydroline_inference::limit::{Account, Cause};
     use hydroline_rigs::Plan;
 
     fn found(word: Word, probability: f64, gains: &[f64]) -> Diagnosis {
@@ -333,7 +351,33 @@ mod tests {
                     gain_nats: *g,
                 })
                 .collect(),
+            account: Account::default(),
         }
+    }
+
+    /// A search that the limit had ended beside the vehicle alone was sure of it.
+    #[test]
+    fn a_search_that_a_limit_ended_decides_nothing() {
+        let step = |cause, word| {
+            let mut found = found(word, 0.99, &[5.0]);
+            let mut account = Account::default();
+            account.cut(cause, "beside the vehicle alone");
+            found.verdict.mark_truncated(&account);
+            judge(found, &Options::default(), 8)
+        };
+        let Step::Undecided { why, .. } = step(Cause::Time, Word::None) else {
+            panic!("decided without a look");
+        };
+        assert!(
+            why.contains("still open: beside the vehicle alone"),
+            "{why}"
+        );
+        // What is not settled anyway is left to the next run; whoever pressed Ctrl-C wants none.
+        assert!(matches!(step(Cause::Time, Word::Ambiguous), Step::Run(_)));
+        assert!(matches!(
+            step(Cause::Interrupt, Word::Ambiguous),
+            Step::Undecided { .. }
+        ));
     }
 
     #[test]

@@ -3,12 +3,14 @@
 mod effect;
 mod mismatch;
 mod prediction;
+mod truncated;
 mod unexplained;
 mod vehicle;
 
 pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
 pub use mismatch::{DataFault, NoiseFound, Test, Where};
 pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
+pub use truncated::{Truncated, TruncatedBy};
 pub use unexplained::{ClosedForm, Piece, Unexplained, WrittenForm};
 pub use vehicle::{AtLimit, Parameters};
 
@@ -105,6 +107,9 @@ pub struct Verdict {
     /// Coefficients at a physical limit or far from the rig's, with their factor over the rig's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub at_limit: Vec<AtLimit>,
+    /// End by a time limit or by Ctrl-C, and the work that was still open; absent = the search came to its end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truncated: Option<Truncated>,
     /// Per DOF that moves the probability that a force of no known effect is worth more than the tolerance.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unnamed: BTreeMap<String, f64>,

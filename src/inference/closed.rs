@@ -19,6 +19,7 @@ use hydroline_sim::effect::covariate_table::COVARIATES;
 use hydroline_sim::effect::{EffectInfo, find};
 
 use super::fit::{Fit, Problem};
+use super::limit::{Limit, Watch};
 use super::posterior::{Posterior, UNNAMED};
 use super::search::{Found, Options, resumed};
 use super::summary::Rms;
@@ -65,14 +66,12 @@ pub struct Closed {
     pub replaces_table: bool,
     /// Each run as the others predict it: (the likeliest form, the table); `None` where that was not asked.
     pub one_run_out: Option<(Rms, Rms)>,
+    /// Whether all that belongs to it was asked; `false` = the limit was over before.
+    pub is_whole: bool,
 }
 
-/// Writes down the unnamed forces that a search found.
-pub fn closed(
-    mut found: Found,
-    options: Options,
-    progress: &(dyn Fn(&str) + Sync),
-) -> (Found, Vec<Closed>) {
+/// Writes down the unnamed forces that a search found, as many as the limit leaves time for.
+pub fn closed(mut found: Found, options: Options, watch: Watch<'_>) -> (Found, Vec<Closed>) {
     let Some(info) = find("written_force") else {
         return (found, Vec::new());
     };
@@ -82,11 +81,18 @@ pub fn closed(
         let Some(fit) = found.models.get(&terms).cloned() else {
             continue;
         };
-        progress(&format!(
+        let what = format!(
             "closed form of {}",
             found.problem.body.candidates[table].name()
-        ));
-        if let Some(one) = one(&mut found, info, table, &fit) {
+        );
+        if found.account.leaves_open(watch.limit, &what) {
+            continue;
+        }
+        watch.tell(&what);
+        if let Some(one) = one(&mut found, info, table, &fit, watch.limit) {
+            if !one.is_whole {
+                found.account.leaves_open(watch.limit, &what);
+            }
             if one.replaces_table {
                 let forms = one.forms.iter().map(|f| &f.fit);
                 let fits = forms.map(|f| (f.terms.clone(), f.clone()));
@@ -100,7 +106,7 @@ pub fn closed(
             cost: options.cost / GOES_ON,
             ..options
         };
-        found = resumed(found, visited, options, progress);
+        found = resumed(found, visited, options, watch);
     }
     (found, made)
 }
@@ -138,7 +144,13 @@ fn tables(found: &Found) -> Vec<(usize, Vec<usize>)> {
 }
 
 /// One table, beside the model that holds it.
-fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) -> Option<Closed> {
+fn one(
+    found: &mut Found,
+    info: &'static EffectInfo,
+    table: usize,
+    fit: &Fit,
+    limit: Limit,
+) -> Option<Closed> {
     let problem = &mut found.problem;
     let member = fit.terms.iter().position(|t| *t == table)?;
     let of = &problem.body.candidates[table];
@@ -183,6 +195,7 @@ fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) ->
     };
     let mut fits = problem.fitted(info, table, &along, &bare, &drafts);
     // The likeliest once more, times a rate.
+    let has_time = !limit.is_over();
     let likeliest = fits
         .iter()
         .max_by(|a, b| a.2.ln_score.total_cmp(&b.2.ln_score))?
@@ -190,6 +203,7 @@ fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) ->
     let share = prior.product.ln() - (factors.len().max(1) as f64).ln();
     let products: Vec<Draft> = factors
         .into_iter()
+        .filter(|_| has_time)
         .map(|times| {
             let ranked = drafts[likeliest].ranked.clone();
             Draft {
@@ -201,11 +215,19 @@ fn one(found: &mut Found, info: &'static EffectInfo, table: usize, fit: &Fit) ->
         .collect();
     fits.extend(problem.fitted(info, table, &along, &bare, &products));
     found.fits += fits.len();
-    Some(judged(&found.problem, table, fit, fits))
+    let mut made = judged(&found.problem, table, fit, fits, limit);
+    made.is_whole &= has_time;
+    Some(made)
 }
 
 /// Forms against each other and the table; `fit` = the model with the table.
-fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, Fit)>) -> Closed {
+fn judged(
+    problem: &Problem,
+    table: usize,
+    fit: &Fit,
+    fits: Vec<(usize, usize, Fit)>,
+    limit: Limit,
+) -> Closed {
     let top = fits
         .iter()
         .map(|f| f.2.ln_score)
@@ -229,14 +251,16 @@ fn judged(problem: &Problem, table: usize, fit: &Fit, fits: Vec<(usize, usize, F
         replaces_table: 1.0 - none >= REPLACEMENT_PROBABILITY && !forms.is_empty(),
         forms,
         one_run_out: None,
+        is_whole: true,
     };
     // With one run alone there is none to leave out.
     if made.replaces_table && problem.body.recording.runs.len() > 1 {
-        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out(f)?.values));
+        let rms = |f: &Fit| Some(problem.left_of(&problem.one_run_out_within(f, limit)?.values));
         made.one_run_out = made.forms.first().and_then(|f| rms(&f.fit)).zip(rms(fit));
         made.replaces_table = made
             .one_run_out
             .is_some_and(|(form, table)| !problem.is_worse(&form, &table));
+        made.is_whole = made.one_run_out.is_some() || !limit.is_over();
     }
     made
 }

@@ -27,6 +27,7 @@ pub mod filter;
 pub mod fit;
 pub mod given;
 pub mod hyper;
+pub mod limit;
 pub mod noise;
 pub mod number_prior;
 pub mod planned;

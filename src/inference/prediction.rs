@@ -8,6 +8,7 @@ use super::body::Point;
 use super::filter::Force;
 use super::fit::{Effort, Fit, Problem};
 use super::hyper::with_force;
+use super::limit::Limit;
 use super::summary::Rms;
 
 /// Steps of the fit of a run's start.
@@ -136,10 +137,18 @@ impl Problem {
 
     /// Every run as the others predict it, each model fitted anew without it.
     pub fn one_run_out(&self, fit: &Fit) -> Option<Prediction> {
+        self.one_run_out_within(fit, Limit::NONE)
+    }
+
+    /// The same; `None` as well where the limit is over before the last run.
+    pub fn one_run_out_within(&self, fit: &Fit, limit: Limit) -> Option<Prediction> {
         let runs = self.body.recording.runs.len();
         let places = self.body.start_places(&fit.terms);
         let mut all = Prediction::default();
         for out in 0..runs {
+            if limit.is_over() {
+                return None;
+            }
             let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
             let part = self.only(&others);
             let mut from = fit.point[..places[0]].to_vec();

@@ -1,9 +1,11 @@
 //! From the vehicle alone to the models that the data leave: add, drop, exchange, as the score test proposes.
 //!
 //! Textbook loop: of all models visited the likeliest that was not yet looked at is expanded; what lies outside of
-//! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function.
+//! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function. A limit ends the loop
+//! between two steps, and changes nothing in their order (`limited`).
 
 mod coarse;
+mod limited;
 mod noise;
 mod proposals;
 
@@ -17,6 +19,7 @@ use hydroline_identify::parameter::Term;
 use super::body::Own;
 use super::fit::{Effort, Fit, Problem};
 use super::hyper::{Cell, Cells, SIZES};
+use super::limit::{Account, Limit, Watch};
 use super::posterior::{UNNAMED, above_tolerance};
 
 /// Options of a search.
@@ -109,6 +112,8 @@ pub struct Found {
     pub fits: usize,
     /// DOFs that no model follows, of those that may be given up.
     pub given_up: Vec<usize>,
+    /// How far the search came, and what a limit left open.
+    pub account: Account,
 }
 
 /// Size of the random force over the noise from which a DOF is not followed: less is little more than what an instrument
@@ -134,7 +139,10 @@ struct Search<'a> {
     fits: usize,
     cost: usize,
     options: Options,
-    progress: &'a (dyn Fn(&str) + Sync),
+    watch: Watch<'a>,
+    account: Account,
+    /// Fits of the present step that the limit kept from beginning.
+    not_begun: usize,
     /// Models by least squares of the motion.
     squares: Vec<Fit>,
     /// Of these the one that predicts the runs left out best.
@@ -145,13 +153,22 @@ type Job = (Vec<usize>, Vec<f64>, Cells);
 
 impl Search<'_> {
     fn fit(&mut self, jobs: Vec<Job>, effort: Effort) {
-        self.fits += jobs.len();
-        let body = &self.problem.body;
-        self.cost += jobs.iter().map(|j| body.passes_of(&j.0)).sum::<usize>();
+        self.fit_within(jobs, effort, Limit::NONE);
+    }
+
+    /// Fits the jobs that begin before the limit is over; a fit that has begun is never cut.
+    fn fit_within(&mut self, jobs: Vec<Job>, effort: Effort, limit: Limit) {
+        let all = jobs.len();
         let made = parallel::map_owned(jobs, |(terms, from, cells)| {
-            self.problem.fit(&terms, &from, cells, effort)
+            let passes = self.problem.body.passes_of(&terms);
+            let begins = !limit.is_over();
+            begins.then(|| (passes, self.problem.fit(&terms, &from, cells, effort)))
         });
-        for fit in made.into_iter().flatten() {
+        let begun: Vec<(usize, Option<Fit>)> = made.into_iter().flatten().collect();
+        self.fits += begun.len();
+        self.not_begun += all - begun.len();
+        self.cost += begun.iter().map(|b| b.0).sum::<usize>();
+        for fit in begun.into_iter().filter_map(|b| b.1) {
             tracing::debug!(
                 "{:.1} evidence {:.1} {:?} {:?}",
                 fit.ln_score,
@@ -241,13 +258,25 @@ impl Search<'_> {
 
     /// The likeliest model within the window that was not looked at.
     fn next(&self) -> Option<Fit> {
-        let floor = self.best()?.ln_score - self.options.window;
-        self.models
+        self.pending().first().map(|f| (*f).clone())
+    }
+
+    /// Models within the window that were not looked at, likeliest first.
+    fn pending(&self) -> Vec<&Fit> {
+        let Some(best) = self.best() else {
+            return Vec::new();
+        };
+        let floor = best.ln_score - self.options.window;
+        let mut all: Vec<&Fit> = self
+            .models
             .values()
             .filter(|f| f.ln_score >= floor && !self.expanded.contains(&f.terms))
             .filter(|f| !self.is_behind_a_part(f))
-            .max_by(|a, b| a.ln_score.total_cmp(&b.ln_score))
-            .cloned()
+            .collect();
+        // Of two with the same score the later set comes first.
+        all.reverse();
+        all.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
+        all
     }
 
     /// DOFs in which only known laws are asked: a table follows any motion, and what nobody commanded and only a table follows
@@ -260,7 +289,11 @@ impl Search<'_> {
 
     fn found(self) -> Found {
         Found {
-            given_up: self.not_followed(),
+            given_up: match self.is_cut_early() {
+                true => Vec::new(),
+                false => self.not_followed(),
+            },
+            account: self.account,
             problem: self.problem,
             models: self.models,
             fits: self.fits,
@@ -300,15 +333,18 @@ impl Search<'_> {
     fn run(&mut self) {
         while self.cost < self.options.cost && !self.gives_up() {
             let Some(fit) = self.next() else { break };
-            (self.progress)(&match fit.terms.len() {
-                0 => "beside the vehicle alone".to_owned(),
-                _ => format!("beside {}", self.names(&fit).join(" + ")),
-            });
+            if self.ends_here() {
+                break;
+            }
+            self.tell(&fit);
+            let (terms, beside) = (fit.terms.clone(), self.label(&fit));
             let before = self.best().map_or(f64::INFINITY, |b| b.ln_score);
             self.expand(fit);
+            self.end_step(&terms, &beside);
             // Beside a model that misses so much the instruments looked worse than they are.
             let gained = self.best().map_or(0.0, |b| b.ln_score - before);
-            if gained > self.options.renewed_after && self.renew_noise(true) {
+            let has_time = !self.watch.limit.is_over();
+            if gained > self.options.renewed_after && has_time && self.renew_noise(true) {
                 self.rescore();
             }
         }
@@ -317,12 +353,9 @@ impl Search<'_> {
 
 /// Searches the models of a problem.
 ///
-/// `None` when the vehicle alone gives no finite motion from the rig's numbers.
-pub fn search(
-    problem: Problem,
-    options: Options,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Option<Found> {
+/// `None` when the vehicle alone gives no finite motion from the rig's numbers. The vehicle alone is fitted whatever the
+/// limit says.
+pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Found> {
     let mut search = Search {
         problem,
         models: BTreeMap::new(),
@@ -330,26 +363,32 @@ pub fn search(
         fits: 0,
         cost: 0,
         options,
-        progress,
+        watch,
+        account: Account::default(),
+        not_begun: 0,
         squares: Vec::new(),
         predicting: None,
     };
     search.alone();
     search.best()?;
+    search.account.did("the vehicle alone");
     if search.renew_noise(false) {
         search.rescore();
     }
     search.explain_most();
     search.run();
     for _ in 0..options.noise_rounds {
-        if search.gives_up() || !search.renew_noise(false) {
+        if search.gives_up()
+            || search.leaves_open("noise beside the best model")
+            || !search.renew_noise(false)
+        {
             break;
         }
         search.rescore();
         search.options.cost = search.cost + options.cost / 3;
         search.run();
     }
-    if !search.gives_up() {
+    if !search.gives_up() && !search.leaves_open("noise that is correlated for a shorter time") {
         search.with_shorter_noise(options.cost / 3);
     }
     search.decide_by_prediction();
@@ -363,8 +402,9 @@ pub fn about(problem: Problem, from: &Fit, options: Options) -> Found {
         models: BTreeMap::from([(from.terms.clone(), from.clone())]),
         fits: 0,
         given_up: Vec::new(),
+        account: Account::default(),
     };
-    resumed(found, BTreeSet::new(), options, &|_| {})
+    resumed(found, BTreeSet::new(), options, Watch::unlimited(&|_| {}))
 }
 
 /// Goes on from models that joined a search, beside what was expanded; `expanded` = what was there before.
@@ -372,7 +412,7 @@ pub(super) fn resumed(
     found: Found,
     expanded: BTreeSet<Vec<usize>>,
     options: Options,
-    progress: &(dyn Fn(&str) + Sync),
+    watch: Watch<'_>,
 ) -> Found {
     let mut search = Search {
         problem: found.problem,
@@ -385,7 +425,9 @@ pub(super) fn resumed(
             renewed_after: f64::INFINITY,
             ..options
         },
-        progress,
+        watch,
+        account: found.account,
+        not_begun: 0,
         squares: Vec::new(),
         predicting: None,
     };

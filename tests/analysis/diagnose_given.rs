@@ -7,7 +7,7 @@ use crate::diagnose_real::{DRIVE, ship, source};
 use crate::inputs::input;
 use hydroline::diagnose::faults::{Records, faults};
 use hydroline::diagnose::verdict::{Verdict, Word};
-use hydroline::diagnose::{Beside, Source, diagnose, diagnose_beside};
+use hydroline::diagnose::{Beside, Source, Watch, diagnose, diagnose_beside};
 use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, VehicleModel};
 use hydroline_sim::Given;
@@ -150,7 +150,8 @@ fn yaw_that_nobody_commanded_is_said_and_surge_is_explained_beside_it() {
 fn yaw_that_is_given_leaves_surge_alone() {
     let rig = Rig::builtin("lshpi").unwrap();
     let runs = yawing(&rig);
-    let v = diagnose_beside(&runs, &[], &rig, &given(&[Dof::Yaw, Dof::Sway]), &|_| {});
+    let watch = Watch::unlimited(&|_| {});
+    let v = diagnose_beside(&runs, &[], &rig, &given(&[Dof::Yaw, Dof::Sway]), watch);
     let v = v.unwrap().verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
     assert_eq!(v.given, ["sway", "yaw"]);
@@ -312,9 +313,9 @@ fn zigzags(model: VehicleModel, every: usize, asked: &[Dof]) -> Option<Verdict> 
     let held = [of("Z_15_05")?, of("Z_20_10_S")?];
     let rig = tanker(model);
     let begun = std::time::Instant::now();
-    let found = diagnose_beside(&fitted, &held, &rig, &given(asked), &|what| {
-        println!("  {:.0} s {what}", begun.elapsed().as_secs_f64());
-    });
+    let progress = |what: &str| println!("  {:.0} s {what}", begun.elapsed().as_secs_f64());
+    let watch = Watch::unlimited(&progress);
+    let found = diagnose_beside(&fitted, &held, &rig, &given(asked), watch);
     let v = found.unwrap().verdict;
     show(&v);
     Some(v)

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)] // a test
 
 use crate::inputs::{input, logs_of, on_both_sets};
+use hydroline::diagnose::Watch;
 use hydroline::diagnose::profiles::{Findings, level};
 use hydroline::diagnose::verdict::Word;
 use hydroline::prove::images;
@@ -12,7 +13,8 @@ use std::path::Path;
 
 fn found(path: &Path) -> Findings {
     let rig = Rig::builtin("lshpi").unwrap();
-    let found = level(&[path.to_owned()], &rig, &|_| {}).unwrap().unwrap();
+    let watch = Watch::unlimited(&|_| {});
+    let found = level(&[path.to_owned()], &rig, watch).unwrap().unwrap();
     println!("{}: {}", path.display(), found.sentence());
     found
 }

@@ -32,6 +32,12 @@ fn simulate(dir: &Path, rig: &str, plan: &str, seed: &str, start: &str, log: &st
     assert_eq!(code, Some(0), "{log}");
 }
 
+/// Words of a campaign that no clock ends.
+fn into<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let words = ["campaign", "logs", "--time-limit", "none", "--out", out];
+    [&words[..], more].concat()
+}
+
 /// Sheets with their times of change.
 fn sheets(dir: &Path) -> BTreeMap<String, SystemTime> {
     let entries = std::fs::read_dir(dir.join("campaign/store/sheets")).unwrap();
@@ -69,7 +75,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
         "logs/b1.mcap",
     );
     std::fs::write(dir.join("logs/bad.mcap"), b"no log at all").unwrap();
-    let campaign = ["campaign", "logs", "--out", "campaign"];
+    let campaign = into("campaign", &[]);
 
     let (code, text) = run(dir, &campaign);
     assert_eq!(code, Some(3), "{text}");
@@ -109,7 +115,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
         "logs/a2.mcap",
     );
     let list = |n: usize| {
-        let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign", "--list"]);
+        let (code, text) = run(dir, &into("campaign", &["--list"]));
         assert_eq!(code, Some(0));
         let units: Vec<String> = text.lines().map(str::to_owned).collect();
         assert_eq!(units.len(), n, "{text}");
@@ -118,10 +124,7 @@ fn two_vehicles_are_two_groups_a_bad_log_is_a_row_and_nothing_is_done_twice() {
     for kind in ["run-", "group-lshpi-"] {
         let unit = list(1).remove(0);
         assert!(unit.starts_with(kind), "{unit}");
-        let (code, _) = run(
-            dir,
-            &["campaign", "logs", "--out", "campaign", "--only", &unit],
-        );
+        let (code, _) = run(dir, &into("campaign", &["--only", &unit]));
         assert_eq!(code, Some(0));
     }
     list(0);
@@ -161,7 +164,7 @@ fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
     }
     std::fs::write(dir.join("logs/bad.mcap"), b"no log at all").unwrap();
     let began = std::time::Instant::now();
-    let whole = run(dir, &["campaign", "logs", "--out", "whole"]);
+    let whole = run(dir, &into("whole", &[]));
     let length = began.elapsed();
     assert_eq!(whole.0, Some(3));
     let mut rng = StdRng::seed_from_u64(7);
@@ -169,7 +172,7 @@ fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
     for _ in 0..10 {
         let mut child = hydroline()
             .current_dir(dir)
-            .args(["campaign", "logs", "--out", "killed"])
+            .args(into("killed", &[]))
             .stdout(std::process::Stdio::null())
             .stderr(std::process::Stdio::null())
             .spawn()
@@ -180,7 +183,7 @@ fn a_campaign_killed_at_ten_random_moments_ends_with_the_same_sheets() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    let resumed = run(dir, &["campaign", "logs", "--out", "killed"]);
+    let resumed = run(dir, &into("killed", &[]));
     assert_eq!(resumed.0, Some(3));
     println!("campaign of {length:.1?}, killed {kills} times at work");
     assert!(kills > 3, "killed too late");
@@ -291,7 +294,7 @@ fn ballast_and_a_fouled_thruster_are_found_and_dated_among_a_hundred_runs() {
         std::fs::write(dir.join(format!("logs/{name}.mcap")), bytes).unwrap();
     }
     let began = std::time::Instant::now();
-    let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign"]);
+    let (code, text) = run(dir, &into("campaign", &[]));
     println!(
         "{text}{runs} runs in {:.0} s",
         began.elapsed().as_secs_f64()

@@ -113,22 +113,14 @@ fn a_clock_set_in_mid_run_is_refused_and_the_two_runs_it_names_are_sound() {
     let (code, text) = run(dir, &["identify", "whole.mcap", "--rig", "lshpi"]);
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("taken as 2 run(s)"), "{text}");
-    let (code, text) = run(dir, &["diagnose", "whole.mcap", "--rig", "lshpi"]);
+    let diagnose = ["diagnose", "whole.mcap", "--rig", "lshpi", "--time-limit"];
+    let (code, text) = run(dir, &[&diagnose[..], &["none"]].concat());
     assert_eq!(code, Some(0), "{text}");
     assert!(
         text.contains("clock_step in stamp") && text.contains("LOG@"),
         "{text}"
     );
-    let (code, text) = run(
-        dir,
-        &[
-            "diagnose",
-            "whole.mcap",
-            "--rig",
-            "lshpi",
-            "--accept-faults",
-        ],
-    );
+    let (code, text) = run(dir, &[&diagnose[..], &["none", "--accept-faults"]].concat());
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("long_gap"), "{text}");
 }
@@ -146,7 +138,8 @@ fn logs_of_1970_and_2099_are_clock_errors_and_have_no_day() {
         let (_, text) = run(dir, &["doctor", &format!("logs/{log}.mcap")]);
         assert_eq!(text.contains("clock: stamped"), wrong, "{text}");
     }
-    let (code, text) = run(dir, &["campaign", "logs", "--out", "campaign"]);
+    let campaign = ["campaign", "logs", "--time-limit", "none"];
+    let (code, text) = run(dir, &[&campaign[..], &["--out", "campaign"]].concat());
     assert_eq!(code, Some(0), "{text}");
     assert!(
         text.contains("3 runs on 1 day(s), 2 of them without a day"),

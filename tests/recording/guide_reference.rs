@@ -165,7 +165,18 @@ fn what_is_printed_with_json_is_in_the_chapter() {
         ("recover", vec!["recover", &log, "--out", &again]),
         ("export", vec!["export", &log]),
         ("identify", vec!["identify", &log, &other, "--rig", "lshpi"]),
-        ("diagnose", vec!["diagnose", &log, &other, "--rig", "lshpi"]),
+        (
+            "diagnose",
+            vec![
+                "diagnose",
+                &log,
+                &other,
+                "--rig",
+                "lshpi",
+                "--time-limit",
+                "none",
+            ],
+        ),
         (
             "predict",
             vec!["predict", "--rig", "lshpi", "--plan", "still"],

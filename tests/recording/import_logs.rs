@@ -396,7 +396,7 @@ fn a_file_of_another_program_is_named_by_every_command_that_takes_a_log() {
             &["doctor", file],
             &["recover", file, "--out", new],
             &["export", file, "--out", new],
-            &["diagnose", file, "--rig", "lshpi"],
+            &["diagnose", file, "--rig", "lshpi", "--time-limit", "none"],
             &["replay", file, "--out", new],
             &["join", file, file, "--out", new],
         ];

@@ -269,7 +269,7 @@ fn a_diagnosis_of_joined_logs_names_no_latency_that_the_offset_could_be() {
         let out = hydroline()
             .arg("diagnose")
             .args(&joined)
-            .args(["--rig", "lshpi", "--json"])
+            .args(["--rig", "lshpi", "--time-limit", "none", "--json"])
             .output()
             .unwrap();
         let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();

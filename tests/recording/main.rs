@@ -38,6 +38,7 @@ mod simulate_light;
 mod simulate_reproducible;
 mod streams;
 mod third_party;
+mod time_limit;
 mod until_decided;
 mod verdict_json;
 mod words;

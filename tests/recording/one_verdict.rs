@@ -115,12 +115,14 @@ fn diagnosed(dir: &Path) -> Value {
         "run-1-poses.mcap",
         "--rig",
         "rig.toml",
+        "--time-limit",
+        "none",
         "--json",
     ];
     json(&printed(dir, &words))
 }
 
-const SERIES: [&str; 12] = [
+const SERIES: [&str; 14] = [
     "record",
     "--rig",
     "rig.toml",
@@ -131,6 +133,8 @@ const SERIES: [&str; 12] = [
     "surge",
     "--max-runs",
     "1",
+    "--time-limit",
+    "none",
     "--out",
     "run.mcap",
 ];
@@ -178,7 +182,11 @@ fn a_wrong_tone_curve_has_one_verdict_from_every_command() {
     std::fs::create_dir(dir.path().join("logs")).unwrap();
     let own = dir.path().join("logs/run-1-poses.mcap");
     std::fs::copy(dir.path().join("run-1.mcap"), own).unwrap();
-    printed(dir.path(), &["campaign", "logs", "--out", "campaign"]);
+    let campaign = ["campaign", "logs", "--time-limit", "none"];
+    printed(
+        dir.path(),
+        &[&campaign[..], &["--out", "campaign"]].concat(),
+    );
     let rows = std::fs::read_to_string(dir.path().join("campaign/runs.jsonl")).unwrap();
     let rows: Vec<Value> = rows.lines().map(json).collect();
     for kind in ["run", "group"] {

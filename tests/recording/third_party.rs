@@ -134,7 +134,14 @@ fn three_commands_from_a_foreign_file_to_a_verdict() {
             ]);
             logs.push(log);
         }
-        let mut words = vec!["diagnose", "--rig", "lshpi", "--json"];
+        let mut words = vec![
+            "diagnose",
+            "--rig",
+            "lshpi",
+            "--time-limit",
+            "none",
+            "--json",
+        ];
         words.extend(logs.iter().map(String::as_str));
         let out = hydroline().args(&words).output().unwrap();
         let said: Value = serde_json::from_slice(&out.stdout).unwrap();

@@ -34,6 +34,7 @@ fn a_session_goes_on_from_its_logs_and_says_what_to_run_or_that_it_is_decided() 
             "--dof",
             "surge",
         ])
+        .args(["--time-limit", "none"])
         .args(["--dry-run", "--out", &at("run.mcap")])
         .output()
         .unwrap();
@@ -80,6 +81,8 @@ fn a_hidden_lag_is_found_by_one_run_that_was_proposed() {
             "--until-decided",
             "--max-runs",
             "3",
+            "--time-limit",
+            "none",
             "--yes",
             "--json",
             "--out",

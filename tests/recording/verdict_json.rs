@@ -46,6 +46,7 @@ fn said() -> (Map<String, Value>, String) {
         let out = hydroline()
             .current_dir(dir)
             .args(["diagnose", "reversals.mcap", "two-tone.mcap"])
+            .args(["--time-limit", "none"])
             .args([
                 "--rig",
                 "rig.toml",

@@ -95,6 +95,7 @@ fn sheet(k: usize) -> RunSheet {
                 .collect(),
             faults: Vec::new(),
             next_plan: String::new(),
+            truncated: None,
         }),
     }
 }
@@ -140,6 +141,7 @@ fn ten_thousand_runs() {
         units: &units,
         store: &store,
         replay: &|_, _| Ok(()),
+        time_limit: None,
     };
     let began = Instant::now();
     let table = Table::write(&campaign, &out.join("runs.jsonl"), &out.join("runs.csv")).unwrap();

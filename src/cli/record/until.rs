@@ -4,6 +4,7 @@
 //! The state of a session is its logs: LOG-1.mcap, LOG-2.mcap, ... with LOG-1-poses.mcap, ... beside them. One that was cut
 //! off goes on from what is there.
 
+use super::super::limit::until_signal;
 use super::super::{diagnose, plan, replay};
 use super::*;
 use hydroline_daemon::series::Event;
@@ -11,7 +12,7 @@ use hydroline_diagnose::body::next::Offer;
 use hydroline_diagnose::profiles::observe::has_images;
 use hydroline_diagnose::until::{Options, Proposal, Series, Step};
 use hydroline_diagnose::verdict::Verdict;
-use hydroline_diagnose::{Diagnosis, Source, read};
+use hydroline_diagnose::{Diagnosis, Limit, Source, Watch, read};
 use hydroline_identify::data::check_vehicle;
 
 /// A series of two and more has numbers in its names.
@@ -124,9 +125,15 @@ impl<'a> Proposing<'a> {
     ) -> Result<Event, CliError> {
         let sources: Vec<Source> = self.runs.iter().map(|r| r.source.clone()).collect();
         let stages = progress::Stages::begin("choosing what to run next");
-        let step = self
-            .series
-            .step(&sources, left, &|stage| stages.tell(stage));
+        let watch = Watch {
+            progress: &|stage| stages.tell(stage),
+            // Before any run there is nothing to diagnose, and Ctrl-C ends the program as ever.
+            limit: match sources.is_empty() {
+                true => Limit::NONE,
+                false => until_signal(session.args.limit.begin())?,
+            },
+        };
+        let step = self.series.step(&sources, left, watch);
         drop(stages);
         let end = |why: Option<&str>, found: Option<&Diagnosis>| {
             tell_end(session, &self.runs, reports, why, found)

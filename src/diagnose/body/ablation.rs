@@ -8,6 +8,11 @@ use super::found::{Judged, relative};
 use crate::verdict::AblationStep;
 
 impl Judged<'_> {
+    /// Whether there is anything to build up: two effects that matter, or more.
+    pub fn is_built_up(&self) -> bool {
+        self.heavy(self.best).len() > 1 && self.predicted_already().is_some()
+    }
+
     /// The vehicle alone, then with each effect that matters, each time the one that predicts best; all numbers fitted
     /// together. Empty where fewer than two matter.
     pub fn ablation(&self) -> Vec<AblationStep> {

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use hydroline_core::run::{PerChannel, Run};
 use hydroline_inference::closed::Closed;
 use hydroline_inference::fit::{Fit, Problem};
+use hydroline_inference::limit::Limit;
 use hydroline_inference::posterior::Posterior;
 use hydroline_inference::prediction::Prediction;
 use hydroline_inference::search::Found;
@@ -68,7 +69,7 @@ pub struct Judged<'a> {
     pub groups: Vec<(BTreeSet<usize>, f64)>,
     /// Runs held out, and what both models predict of them.
     pub held: Option<(Problem, Predicted)>,
-    /// Each run as the others predict it.
+    /// Each run as the others predict it; `None` of one run alone, and where the limit was over before.
     pub one_run_out: Option<Predicted>,
     /// Residuals of the likeliest model, channel by channel.
     pub left: Vec<Left>,
@@ -85,6 +86,7 @@ impl<'a> Judged<'a> {
         closed: &'a [Closed],
         held: &[Run],
         rig: &Rig,
+        limit: Limit,
     ) -> Option<Judged<'a>> {
         let best = found.models.get(&posterior.models.first()?.0)?;
         let alone = found.models.get(&Vec::new())?;
@@ -105,7 +107,10 @@ impl<'a> Judged<'a> {
         }
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
-            .then(|| Predicted::new(problem, |fit| problem.one_run_out(fit), alone, best))
+            .then(|| {
+                let predict = |fit: &Fit| problem.one_run_out_within(fit, limit);
+                Predicted::new(problem, predict, alone, best)
+            })
             .flatten();
         let held = (!held.is_empty())
             .then(|| {

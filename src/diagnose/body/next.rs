@@ -1,11 +1,13 @@
 //! The next run: the plan that best separates the verdict from its nearest rival that matters.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use hydroline_calib::calibration::Calibration;
 use hydroline_design::Admission;
 use hydroline_design::library::{Watched, library, run_of};
 use hydroline_inference::fit::Fit;
+use hydroline_inference::limit::Limit;
 use hydroline_numerics::{cancel, parallel};
 use hydroline_plan::size::scaled;
 use hydroline_rigs::{Dof, Plan, Rig};
@@ -36,11 +38,29 @@ pub struct Offer {
 
 impl Judged<'_> {
     /// The plan, with its reason, and the best of the others, it first; nothing where nothing else was found possible, or no
-    /// plan fits into the tank.
+    /// plan fits into the tank. Beside it whether the limit was over before all plans were asked.
     pub fn next(
         &self,
         rig: &Rig,
         calibration: Option<&Calibration>,
+        limit: Limit,
+    ) -> (Option<(NextExperiment, Vec<Offer>)>, bool) {
+        let is_cut = AtomicBool::new(false);
+        let next = self.next_within(rig, calibration, &|| {
+            let is_over = limit.is_over();
+            if is_over {
+                is_cut.store(true, Ordering::Relaxed);
+            }
+            is_over
+        });
+        (next, is_cut.into_inner())
+    }
+
+    fn next_within(
+        &self,
+        rig: &Rig,
+        calibration: Option<&Calibration>,
+        is_over: &(dyn Fn() -> bool + Sync),
     ) -> Option<(NextExperiment, Vec<Offer>)> {
         let (set, rivals) = self.rivals();
         let verdict = self.of_set(&set)?;
@@ -81,6 +101,9 @@ impl Judged<'_> {
         };
         let scored = parallel::map_owned(plans, |plan| {
             cancel::check();
+            if is_over() {
+                return None;
+            }
             let (nearest, gain) = gain(&plan)?;
             gain.is_finite().then_some((plan, nearest, gain))
         });

@@ -6,6 +6,7 @@ mod level;
 mod lit;
 mod sentence;
 
+use super::anytime::Anytime;
 use super::candidate::{Base, Candidate, library};
 use super::fit::Problem;
 use super::geometry::Geometry;
@@ -14,6 +15,7 @@ use super::prior::Motion;
 use super::search::{Searched, search};
 use crate::verdict::{Alternative, Effect, FitTable, Word};
 use hydroline_identify::data::LoadError;
+use hydroline_inference::limit::{Cause, Watch};
 use hydroline_report::Body;
 use hydroline_rigs::{PhysicsEntry, Rig};
 use hydroline_sim::SimError;
@@ -91,6 +93,8 @@ pub struct Findings {
     pub notes: Vec<String>,
     /// Sets of effects looked at.
     pub sets_looked_at: usize,
+    /// Reason why the search over the frames ended before its end; `None` = it did not.
+    pub cut: Option<Cause>,
 }
 
 /// Reads the logs that hold frames and says what they show; `None` where none does.
@@ -100,7 +104,7 @@ pub struct Findings {
 pub fn level<'a>(
     logs: impl IntoIterator<Item = &'a PathBuf>,
     rig: &Rig,
-    progress: &(dyn Fn(&str) + Sync),
+    watch: Watch<'_>,
 ) -> Result<Option<Findings>, ImageError> {
     let mut with = Vec::new();
     for path in logs {
@@ -114,39 +118,38 @@ pub fn level<'a>(
     let most = FRAMES.div_ceil(with.len()).max(LEAST_FRAMES);
     let mut runs = Vec::new();
     for path in with {
-        progress(&path.display().to_string());
+        watch.tell(&path.display().to_string());
         runs.push(observe::read(path, rig, most)?);
     }
-    explain(&runs, rig, progress).map(Some)
+    explain(&runs, rig, watch).map(Some)
 }
 
 /// The same for frames in memory.
 ///
 /// # Errors
 /// [`ImageError`].
-pub fn explain(
-    runs: &[ImageRun],
-    rig: &Rig,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Findings, ImageError> {
+pub fn explain(runs: &[ImageRun], rig: &Rig, watch: Watch<'_>) -> Result<Findings, ImageError> {
+    let asked = &Anytime::new(watch);
     let base = Base::new(rig)?;
     let candidates = library(&base);
     let plain = base.optics(&[]).ok_or(ImageError::NoPose)?;
     // The light comes first: rows, widths and edges are read from frames without what lights the picture.
-    let look = |geometry| Lit::new(runs, rig, &base, geometry, candidates.len(), progress);
+    let look = |geometry| Lit::new(runs, rig, &base, geometry, candidates.len(), asked);
     let mut lit = look(Geometry::new(rig, plain));
     let mut cleared = enough(&lit.runs, runs)?;
     let mut problem = problem(&cleared, rig, base.clone())?;
-    let mut found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+    let mut found = search(&problem, &candidates, asked).ok_or(ImageError::NoPose)?;
     // Where the rays go otherwise than the rig says, so do the angles of the laser's fan.
     let other;
-    if let Some(geometry) = misfit(&problem, &candidates, &found) {
+    if let Some(geometry) = misfit(&problem, &candidates, &found)
+        && !asked.is_over()
+    {
         let again = look(geometry);
         if again.ids() != lit.ids() {
             cleared = enough(&again.runs, runs)?;
             other = cleared;
             problem = self::problem(&other, rig, base.clone())?;
-            found = search(&problem, &candidates, progress).ok_or(ImageError::NoPose)?;
+            found = search(&problem, &candidates, asked).ok_or(ImageError::NoPose)?;
         }
         lit = again;
     }
@@ -158,7 +161,7 @@ pub fn explain(
         found: &found,
         lit: &lit,
     };
-    level.findings(progress)
+    level.findings(asked)
 }
 
 /// The geometry of the best explanation, where it has effects.

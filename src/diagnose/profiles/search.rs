@@ -1,5 +1,6 @@
 //! Nothing, each, pairs and more: which explanation the profiles are evidence for.
 
+use super::anytime::Anytime;
 use super::candidate::Candidate;
 use super::fit::{Fitted, Free, Problem, State};
 use super::model::Kind;
@@ -129,13 +130,13 @@ impl Searched {
     }
 }
 
-/// Searches; `None` where no hypothesis gives the frames a pose.
+/// Searches as far as the limit leaves time for; `None` where no hypothesis gives the frames a pose.
 pub fn search(
     problem: &Problem<'_>,
     candidates: &[Candidate],
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) -> Option<Searched> {
-    progress("image level: nothing left out");
+    asked.tell("image level: nothing left out");
     let nothing = problem
         .placed(&[], Vec::new(), false)
         .and_then(|s| problem.fit(candidates, &[], s, Free::All));
@@ -147,7 +148,10 @@ pub fn search(
     let mut others: Vec<(usize, Fitted)> = Vec::new();
     if astray {
         for (k, c) in candidates.iter().enumerate() {
-            progress(c.info.id);
+            if nothing.is_some() && asked.is_over() {
+                break;
+            }
+            asked.tell(c.info.id);
             let typical = CheckedEffect::typical(c.info).numbers;
             let middle: Vec<f64> = c
                 .info
@@ -185,10 +189,10 @@ pub fn search(
         std::slice::from_ref(&nothing),
         &singles,
         &mut all,
-        progress,
+        asked,
     );
     let mut tried = Tried::default();
-    share(problem, candidates, &mut all, &mut tried, progress);
+    share(problem, candidates, &mut all, &mut tried, asked);
     for size in 1..DEEPEST {
         sort(&mut all);
         let beam: Vec<Fitted> = all
@@ -210,15 +214,15 @@ pub fn search(
         if !worth {
             break;
         }
-        extend(problem, candidates, &beam, &singles, &mut all, progress);
-        share(problem, candidates, &mut all, &mut tried, progress);
+        extend(problem, candidates, &beam, &singles, &mut all, asked);
+        share(problem, candidates, &mut all, &mut tried, asked);
     }
-    exchange(problem, candidates, &mut all, progress);
+    exchange(problem, candidates, &mut all, asked);
     for _ in 0..3 {
-        prune(problem, candidates, &mut all);
+        prune(problem, candidates, &mut all, asked);
         sort(&mut all);
-        let evened = even(problem, candidates, &mut all);
-        if !share(problem, candidates, &mut all, &mut tried, progress) && !evened {
+        let evened = even(problem, candidates, &mut all, asked);
+        if !share(problem, candidates, &mut all, &mut tried, asked) && !evened {
             break;
         }
     }
@@ -237,14 +241,14 @@ fn exchange(
     problem: &Problem<'_>,
     candidates: &[Candidate],
     all: &mut Vec<Fitted>,
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) {
     for _ in 0..DEEPEST {
         sort(all);
         let Some(best) = all.first().filter(|b| b.effects.len() > 1).cloned() else {
             return;
         };
-        progress("in place of what was found");
+        asked.tell("in place of what was found");
         let others = || (0..candidates.len()).filter(|k| !best.effects.contains(k));
         let instead = (0..best.effects.len()).flat_map(|place| {
             let best = &best;
@@ -264,6 +268,9 @@ fn exchange(
         });
         let tries: Vec<(Vec<usize>, State)> = instead.chain(alone).collect();
         let found = parallel::map_owned(tries, |(effects, begin)| {
+            if asked.is_over() {
+                return None;
+            }
             let fit = problem.fit(candidates, &effects, begin, Free::All)?;
             Some(settled(problem, candidates, fit, &best))
         });
@@ -286,7 +293,12 @@ fn unsure(state: &State) -> State {
 
 /// Takes effects out again one by one, starting where the larger set ended: a set found late may
 /// hold what it no longer needs, and a small set may have been left in a worse place.
-fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) {
+fn prune(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    all: &mut Vec<Fitted>,
+    asked: &Anytime<'_>,
+) {
     for _ in 0..DEEPEST {
         sort(all);
         let top = all.first().map_or(0.0, Searched::score);
@@ -297,6 +309,9 @@ fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>)
             .flat_map(|f| (0..f.effects.len()).map(move |k| (f.clone(), k)))
             .collect();
         let found = parallel::map_owned(tries, |(f, k)| {
+            if asked.is_over() {
+                return None;
+            }
             let mut begin = f.state.clone();
             begin.numbers.remove(k);
             let mut effects = f.effects.clone();
@@ -311,7 +326,12 @@ fn prune(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>)
 
 /// Gives explanations that are close the motion priors of each other to start from: which of several local
 /// optima a fit ends in must not decide between them. Whether any became better.
-fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) -> bool {
+fn even(
+    problem: &Problem<'_>,
+    candidates: &[Candidate],
+    all: &mut Vec<Fitted>,
+    asked: &Anytime<'_>,
+) -> bool {
     let top = all.first().map_or(0.0, Searched::score);
     let close: Vec<Fitted> = all
         .iter()
@@ -332,6 +352,9 @@ fn even(problem: &Problem<'_>, candidates: &[Candidate], all: &mut Vec<Fitted>) 
         }
     }
     let found = parallel::map_owned(tries, |(f, state)| {
+        if asked.is_over() {
+            return None;
+        }
         problem.fit(candidates, &f.effects, state, Free::All)
     });
     keep_better(found, all)
@@ -349,7 +372,7 @@ fn share(
     candidates: &[Candidate],
     all: &mut Vec<Fitted>,
     tried: &mut Tried,
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) -> bool {
     let mut any = false;
     for _ in 0..SHARED {
@@ -388,8 +411,11 @@ fn share(
         if tries.is_empty() {
             break;
         }
-        progress("what one found of the frames, for the others");
+        asked.tell("what one found of the frames, for the others");
         let found = parallel::map_owned(tries, |(effects, begin, least_gain)| {
+            if asked.is_over() {
+                return None;
+            }
             if let Some(least) = least_gain
                 && problem
                     .screened(candidates, &effects, begin.clone())?
@@ -467,7 +493,7 @@ fn extend(
     from: &[Fitted],
     with: &[usize],
     all: &mut Vec<Fitted>,
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) {
     let tries: Vec<(&Fitted, usize)> = from
         .iter()
@@ -475,10 +501,13 @@ fn extend(
         .filter(|(f, k)| !f.effects.contains(k))
         .collect();
     let found = parallel::map_slice(&tries, |&(f, k)| {
+        if asked.is_over() {
+            return None;
+        }
         let mut effects = f.effects.clone();
         effects.push(k);
         let names: Vec<&str> = effects.iter().map(|e| candidates[*e].info.id).collect();
-        progress(&names.join(" + "));
+        asked.tell(&names.join(" + "));
         let mut begin = f.state.clone();
         begin.numbers.push(candidates[k].neutral.clone());
         // Onto what explains the frames already, only what has a predicted gain is worth a fit.

@@ -320,7 +320,10 @@ pub(super) fn rest(b: &mut Body, v: &Verdict) {
 fn next_run(b: &mut Body, v: &Verdict) {
     b.section("Next run");
     let Some(next) = &v.next_experiment else {
-        b.paragraph("No plan of the library would add anything.");
+        b.paragraph(match &v.truncated {
+            Some(_) => "The search ended before a plan was chosen, or no plan of the library would add anything.",
+            None => "No plan of the library would add anything.",
+        });
         return;
     };
     let sets: Vec<String> = next

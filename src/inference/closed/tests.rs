@@ -1,6 +1,7 @@
 use super::*;
 use crate::fit::Effort;
 use crate::hyper::{Cell, Cells};
+use crate::limit::Account;
 use crate::prior::PriorTable;
 use crate::tests::fixtures::{Tank, entry};
 use hydroline_core::run::Channel;
@@ -118,9 +119,10 @@ fn asked(tank: &Tank, along: &str, seed: u64) -> Option<(Found, Closed)> {
         models: [(alone.terms.clone(), alone), (terms, fit.clone())].into(),
         fits: 2,
         given_up: Vec::new(),
+        account: Account::default(),
     };
     let info = find("written_force")?;
-    let one = one(&mut found, info, table, &fit)?;
+    let one = one(&mut found, info, table, &fit, Limit::NONE)?;
     Some((found, one))
 }
 

@@ -139,10 +139,13 @@ impl Search<'_> {
             if self.is_explained(&pooled(&at.left)) {
                 break;
             }
-            (self.progress)(&match at.fit.terms.len() {
-                0 => "simulation error, beside the vehicle alone".to_owned(),
-                _ => format!("simulation error, beside {}", self.names(&at.fit).join(" + ")),
-            });
+            let step = format!("simulation error beside {}", self.label(&at.fit));
+            if self.leaves_open(&step) {
+                break;
+            }
+            self.watch.tell(&step);
+            self.account.steps += 1;
+            self.account.did(&step);
             let jobs = proposed(&self.problem, &at.fit, self.options.least_gain);
             self.fits += jobs.len();
             let mut made = by_squares(&self.problem, jobs);
@@ -192,7 +195,7 @@ impl Search<'_> {
             .into_iter()
             .map(|f| (f.terms, f.point, Cells::of([small; 6])))
             .collect();
-        self.fit(jobs, AS_GIVEN);
+        self.fit_in_time(jobs, AS_GIVEN);
     }
 
     /// Sets the floor of the noise by what the best model leaves.

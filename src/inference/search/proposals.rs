@@ -103,6 +103,6 @@ impl Search<'_> {
                 add((made.terms, made.point, fit.cells.clone()));
             }
         }
-        self.fit(jobs, Effort::default());
+        self.fit_in_time(jobs, Effort::default());
     }
 }

@@ -17,6 +17,7 @@ pub use size::{Moved, moved};
 use super::cache::Kept;
 use super::error::ProveError;
 use super::score::Rate;
+use hydroline_diagnose::Watch;
 use hydroline_diagnose::profiles::findings::{Findings, ImageError, explain};
 use hydroline_diagnose::profiles::known;
 use hydroline_diagnose::verdict::{Effect, Word};
@@ -99,7 +100,7 @@ pub fn judge(case: &ImageCase) -> Result<(ImageJudged, Option<Findings>), ProveE
         reason: error.to_string(),
     };
     let started = std::time::Instant::now();
-    let found = match explain(&case.runs, &case.rig, &|_| {}) {
+    let found = match explain(&case.runs, &case.rig, Watch::unlimited(&|_| {})) {
         Ok(found) => Some(found),
         // A finding that is not made is a wrong one, not a broken case.
         Err(ImageError::NoPose | ImageError::Few { .. }) => None,

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_diagnose::until::{Options, Series, Step};
 use hydroline_diagnose::verdict::Effect;
-use hydroline_diagnose::{Diagnosis, Source};
+use hydroline_diagnose::{Diagnosis, Source, Watch};
 use hydroline_plan::setpoint::setpoint;
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Plan, Rig};
 use hydroline_sim::model::{Model, ModelState};
@@ -159,7 +159,10 @@ fn until_decided(tank: &Tank) -> (usize, Option<Diagnosis>) {
     let mut sources = Vec::new();
     loop {
         let left = RUNS - sources.len();
-        match series.step(&sources, left, &|_| ()).unwrap() {
+        match series
+            .step(&sources, left, Watch::unlimited(&|_| ()))
+            .unwrap()
+        {
             Step::Run(proposal) => {
                 sources.push(tank.run(&proposal.offers[0].plan, sources.len()));
             }
@@ -179,7 +182,10 @@ fn by_the_list(tank: &Tank) -> (usize, Option<Diagnosis>) {
         let plan = Plan::builtin(FIXED[k % FIXED.len()]).unwrap();
         sources.push(tank.run(&plan, k));
         let left = RUNS - sources.len();
-        if let Step::Decided(found) = series.step(&sources, left, &|_| ()).unwrap() {
+        if let Step::Decided(found) = series
+            .step(&sources, left, Watch::unlimited(&|_| ()))
+            .unwrap()
+        {
             return (sources.len(), Some(*found));
         }
     }

@@ -173,6 +173,7 @@ def diagnose(
     other_rig: bool = False,
     accept_faults: bool = False,
     given: Union[str, Sequence[str]] = (),
+    time_limit: Time = "120s",
     report: Optional[PathLike] = None,
     write_rig: Optional[PathLike] = None,
     force: bool = False,
@@ -192,6 +193,8 @@ def diagnose(
     accept_faults: Goes on although the data are at fault: what stands in the verdict then may be the fault's doing
     given: Degree of freedom whose measured motion is an input and not to be explained (surge, sway, heave, roll,
         pitch, yaw; repeatable, or with commas): a towed or steered hull, a carriage
+    time_limit: Time after which a diagnosis ends with the verdict so far, marked so and with what was still open;
+        none = it goes on to its end
     report: Writes DIR/diagnose.html (the report), before-after.svg (its figure), diagnose.json, and next.toml: the
         plan of the next experiment
     write_rig: Writes the rig with refitted coefficients and the [[physics]] that were left out
@@ -200,11 +203,11 @@ def diagnose(
 
     Raises ArgumentError, InputError (what was given) or RunError (the work).
 
-    >>> found = diagnose([reversals, coast_down], rig="lshpi", given="sway")
+    >>> found = diagnose([reversals, coast_down], rig="lshpi", given="sway", time_limit="none")
     >>> found.verdict in ("none", "named", "ambiguous", "unknown", "data_fault")
     True
     """
-    return Diagnosis(call("diagnose", "diagnose", {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "report": report, "write_rig": write_rig, "force": force}, progress))
+    return Diagnosis(call("diagnose", "diagnose", {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "time_limit": time_limit, "report": report, "write_rig": write_rig, "force": force}, progress))
 
 
 def doctor(

@@ -132,6 +132,11 @@ class Diagnosis(Result):
         return list(self._fields["notes"])
 
     @property
+    def truncated(self) -> Optional[Dict[str, Any]]:
+        """Where ``time_limit`` ended the search: ``after`` what, and what was still ``open``; None = it came to its end."""
+        return self._fields.get("truncated")
+
+    @property
     def next_plan_toml(self) -> Optional[str]:
         """The plan of the next experiment as a file's text; None = none is needed."""
         planned = self._fields["next_experiment"]

@@ -49,7 +49,7 @@ def calls(folder: Path, log: str) -> Dict[str, Callable[[], object]]:
         "import_table": lambda: hydroline.import_table(table, map=mapped, out=anew("c.mcap")),
         "calibrate": lambda: hydroline.calibrate(board, board="dots-50", every=4, out=folder / "c.toml", force=True),
         "identify": lambda: hydroline.identify(log, rig="lshpi"),
-        "diagnose": lambda: hydroline.diagnose(log, rig="lshpi"),
+        "diagnose": lambda: hydroline.diagnose(log, rig="lshpi", time_limit="none"),
     }
 
 

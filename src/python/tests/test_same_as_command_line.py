@@ -19,7 +19,9 @@ def test_ten_logs_one_by_one(logs: List[str]) -> None:
     moving = [log for log in logs if "still" not in log]
     for log in moving:
         assert hydroline.identify(log, rig="lshpi").json == command("identify", log, "--rig", "lshpi", "--json")
-        assert hydroline.diagnose(log, rig="lshpi").json == command("diagnose", log, "--rig", "lshpi", "--json")
+        assert hydroline.diagnose(log, rig="lshpi", time_limit="none").json == command(
+            "diagnose", log, "--rig", "lshpi", "--time-limit", "none", "--json"
+        )
 
 
 def test_several_logs_and_options(logs: List[str]) -> None:
@@ -27,8 +29,8 @@ def test_several_logs_and_options(logs: List[str]) -> None:
     found = hydroline.identify(two, rig="lshpi", from_rest=True, fix=["x_uu"], seed=3, from_=1, to=20)
     words = ["identify", *two, "--rig", "lshpi", "--from-rest", "--fix", "x_uu", "--seed", 3, "--from", 1, "--to", 20]
     assert found.json == command(*words, "--json")
-    found = hydroline.diagnose(two, rig=hydroline.Rig.load("lshpi"), hold_out=logs[7])
-    words = ["diagnose", *two, "--rig", "lshpi", "--hold-out", logs[7]]
+    found = hydroline.diagnose(two, rig=hydroline.Rig.load("lshpi"), hold_out=logs[7], time_limit="none")
+    words = ["diagnose", *two, "--rig", "lshpi", "--hold-out", logs[7], "--time-limit", "none"]
     assert found.json == command(*words, "--json")
     assert found.verdict == "named" and found.effects[0]["effect"] == "thruster_lag"
     assert found.to_dict() == json.loads(found.json)
@@ -98,6 +100,6 @@ def test_frames_are_asked_and_name_a_wrong_tone_curve(folder: Path) -> None:
     steps = [(1.0, 8.0), (1.4, -8.0)]
     plan.write_text("".join(f"[[step]]\nfor_s = {s}\nwrench = {{ surge_n = {n} }}\n" for s, n in steps))
     log = hydroline.simulate(rig=rig, tank=tank, plan=plan, out=folder / "curve.mcap").log
-    found = hydroline.diagnose(log, rig=rig)
-    assert found.json == command("diagnose", log, "--rig", rig, "--json")
+    found = hydroline.diagnose(log, rig=rig, time_limit="none")
+    assert found.json == command("diagnose", log, "--rig", rig, "--time-limit", "none", "--json")
     assert "tone_curve" in [effect["effect"] for effect in found.effects], found.sentence

@@ -23,6 +23,9 @@ pub fn of(cases: &Cases, stage: &str, name: &str) -> Value {
     let mut args = vec![command.to_owned()];
     args.extend(cases.arguments(stage, name));
     args.push("--json".to_owned());
+    if command == "diagnose" {
+        args.extend(["--time-limit", "none"].map(str::to_owned));
+    }
     let out = cases.out(name);
     if matches!(stage, "poses" | "calibrations") {
         args.extend(["--out".to_owned(), out.to_str().unwrap().to_owned()]);

@@ -210,7 +210,7 @@ def readers(bench: Bench, log: Path) -> list[str]:
     """What is wrong with how the others end that read a log."""
     faults = []
     for good, words in (
-        ((0, 1), ["diagnose", log, "--rig", "lshpi", "--accept-faults"]),
+        ((0, 1), ["diagnose", log, "--rig", "lshpi", "--time-limit", "none", "--accept-faults"]),
         ((0,), ["predict", "--rig", "lshpi", "--plan", "reversals", "--measured", log]),
         ((0,), ["info", log]),
         ((0, 3), ["doctor", log]),

@@ -1,6 +1,7 @@
 """A command run to its end, with the time it took."""
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import tempfile
@@ -48,6 +49,12 @@ def done(binary: Path, words: list[str], threads: int | None = None, allowed: tu
         said = result.stderr.strip()[-2000:]
         raise SampleError(f"exit code {result.code} of: {binary} {' '.join(words)}\n{said}")
     return result
+
+
+@functools.cache
+def knows(binary: Path, command: str, flag: str) -> bool:
+    """Whether this build's command has the flag."""
+    return flag in done(binary, [command, "--help"]).stdout
 
 
 def version(binary: Path) -> str:

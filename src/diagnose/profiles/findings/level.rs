@@ -1,5 +1,6 @@
 //! Light and profiles together, as findings.
 
+use super::super::anytime::Anytime;
 use super::super::candidate::Candidate;
 use super::super::fit::{Fitted, Problem};
 use super::super::observe::ImageRun;
@@ -34,7 +35,7 @@ pub(super) struct Level<'a> {
 }
 
 impl Level<'_> {
-    pub fn findings(&self, progress: &(dyn Fn(&str) + Sync)) -> Result<Findings, ImageError> {
+    pub fn findings(&self, asked: &Anytime<'_>) -> Result<Findings, ImageError> {
         let (found, best) = (self.found, self.found.best());
         let (effects, entries) = self.effects();
         let equivalent = self.equivalent(&effects);
@@ -67,7 +68,7 @@ impl Level<'_> {
                 "light that no effect of the library makes: {words}"
             ));
         }
-        progress("frames held out");
+        asked.tell("frames held out");
         let fit = FitTable {
             train: BeforeAfter {
                 before: rms(&found.nothing),
@@ -96,6 +97,7 @@ impl Level<'_> {
             section: picture::section(self.rig, &found.nothing, best, &effects),
             notes,
             sets_looked_at: found.all.len() + self.lit.visited(),
+            cut: asked.cut(),
             effects,
         })
     }

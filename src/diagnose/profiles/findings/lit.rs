@@ -1,5 +1,6 @@
 //! The light of some runs under one geometry, and the frames without what lights them.
 
+use super::super::anytime::Anytime;
 use super::super::candidate::{Base, Candidate};
 use super::super::fit::{Fitted, Free, State};
 use super::super::geometry::Geometry;
@@ -31,9 +32,9 @@ impl<'a> Lit<'a> {
         base: &'a Base,
         geometry: Geometry,
         others: usize,
-        progress: &(dyn Fn(&str) + Sync),
+        asked: &Anytime<'_>,
     ) -> Lit<'a> {
-        let looked = look(runs, rig, base, &geometry, others, progress);
+        let looked = look(runs, rig, base, &geometry, others, asked);
         let without = looked.as_ref().filter(|l| !l.nothing_found());
         let without = without.and_then(|l| l.removed(runs, &geometry, None));
         Lit {

@@ -3,6 +3,7 @@
 use super::{CHANNELS, Findings};
 use crate::Diagnosis;
 use crate::verdict::{Effect, Test, Verdict, Where, Word};
+use hydroline_inference::limit::Account;
 use hydroline_rigs::{Dof, Rig};
 
 impl Findings {
@@ -139,6 +140,7 @@ impl Findings {
             by_motion: Word::None,
             images: Some(self.section),
             offers: Vec::new(),
+            account: Account::default(),
         }
     }
 

@@ -5,6 +5,7 @@ use super::equations::{Data, Left, State};
 use super::fit::LightFit;
 use super::options::LightOptions;
 use super::samples::{frames, thinned};
+use crate::profiles::anytime::Anytime;
 use crate::profiles::candidate::Base;
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::ImageRun;
@@ -122,9 +123,9 @@ pub fn look<'a>(
     base: &'a Base,
     geometry: &Geometry,
     others: usize,
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) -> Option<Looked<'a>> {
-    searched(data(runs, rig, base, geometry)?, others, progress)
+    searched(data(runs, rig, base, geometry)?, others, asked)
 }
 
 /// Data that all models are judged on; `None` where too few frames show the light.
@@ -154,19 +155,15 @@ fn data<'a>(
     })
 }
 
-fn searched<'a>(
-    mut data: Data<'a>,
-    others: usize,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Option<Looked<'a>> {
+fn searched<'a>(mut data: Data<'a>, others: usize, asked: &Anytime<'_>) -> Option<Looked<'a>> {
     let first = data.first();
     let mut visited = Visited::default();
     let nothing = visited.fit(&data, &first, others)?;
-    let mut best = optimised(&data, nothing, others, &mut visited, progress)?;
+    let mut best = optimised(&data, nothing, others, &mut visited, asked)?;
     // Noise belongs to the instrument: found once beside the model that comes closest, the same for all.
     let floors = floors(&data, &best.left);
     let other = |(a, b): (&f64, &f64)| (a / b).max(b / a) > FLOOR_CHANGE;
-    if floors.iter().zip(&data.floors).any(other) {
+    if floors.iter().zip(&data.floors).any(other) && !asked.is_over() {
         data.floors = floors;
         let states: Vec<State> = visited.near(&best, data.options.worth);
         visited = Visited::default();
@@ -175,7 +172,7 @@ fn searched<'a>(
             visited.fit(&data, &state, others);
         }
         best = visited.best()?;
-        optimised(&data, best, others, &mut visited, progress)?;
+        optimised(&data, best, others, &mut visited, asked)?;
     }
     let mut models: Vec<LightFit> = visited.0.into_values().collect();
     models.sort_by(|a, b| b.ln_score.total_cmp(&a.ln_score));
@@ -254,12 +251,15 @@ fn optimised(
     from: LightFit,
     others: usize,
     visited: &mut Visited,
-    progress: &(dyn Fn(&str) + Sync),
+    asked: &Anytime<'_>,
 ) -> Option<LightFit> {
     let few = few(data);
     let mut best = from;
     for _ in 0..2 * data.options.effects {
-        progress("light of the picture");
+        if asked.is_over() {
+            break;
+        }
+        asked.tell("light of the picture");
         let gaining = gaining_starts(&few, &best);
         let mut moves: Vec<State> = Vec::new();
         if best.terms.len() < data.options.effects {
@@ -278,6 +278,9 @@ fn optimised(
         moves.retain(|m| !visited.knows(&m.terms));
         let mut any = false;
         for state in moves {
+            if asked.is_over() {
+                break;
+            }
             any |= visited.fit(data, &state, others).is_some();
         }
         let found = visited.best()?;

@@ -1,10 +1,12 @@
 //! The look at the light on frames of the renderer.
 
 use super::look;
+use crate::profiles::anytime::Anytime;
 use crate::profiles::candidate::{Base, library};
 use crate::profiles::geometry::Geometry;
 use crate::profiles::observe::{ImageRun, from_images};
 use hydroline_core::frame::GreyImage;
+use hydroline_inference::limit::Watch;
 use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use hydroline_sim::{Pose6, Renderer};
 
@@ -40,7 +42,8 @@ fn found(effects: &[(&str, &[(&str, f64)])]) -> (Vec<(&'static str, f64, f64)>, 
     let geometry = Geometry::new(&rig, base.optics(&[]).unwrap());
     let others = library(&base).len();
     let run = frames(&rig, effects);
-    let looked = look(&[run], &rig, &base, &geometry, others, &|_| {}).unwrap();
+    let asked = Anytime::new(Watch::unlimited(&|_| {}));
+    let looked = look(&[run], &rig, &base, &geometry, others, &asked).unwrap();
     let asked = looked.candidates().iter().map(|c| c.info.id).collect();
     assert_eq!(looked.unnamed(), None);
     let of = |e: super::LightEffect| (e.info().id, e.effect.numbers[0], e.sds[0]);

@@ -10,6 +10,7 @@ use rand_distr::{ChiSquared, Distribution, StandardNormal};
 
 use crate::fit::{Fit, Problem};
 use crate::hyper::{Cell, Cells, filters, ln_prior, ln_sum};
+use crate::limit::Watch;
 use crate::prior::PriorTable;
 use crate::recording::Recording;
 use crate::search::{Options, search};
@@ -150,7 +151,7 @@ fn log_bayes_factors_are_those_of_the_integral() {
             let runs = tank.runs(3, 500 + seed);
             let dofs = Recording::new(&runs, 0.1).moving(&tank.rig.tolerance.channels());
             let problem = Problem::new(&runs, &tank.rig, &dofs, PriorTable::default()).unwrap();
-            let found = search(problem, Options::default(), &|_| {}).unwrap();
+            let found = search(problem, Options::default(), Watch::unlimited(&|_| {})).unwrap();
             let tables = |f: &&Fit| {
                 f.terms
                     .iter()
