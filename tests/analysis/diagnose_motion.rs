@@ -332,3 +332,57 @@ fn nothing_left_out_is_nothing_named() {
     let others = v.leave_one_run_out.unwrap().rms;
     assert!(others.before["x_m"] < 1.2 * others.noise["x_m"]);
 }
+
+/// A run held out stood at eleven times its noise, and not a word was said of it.
+#[test]
+fn a_run_held_out_that_is_missed_is_said_with_what_it_has_beyond_the_others() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut water = rig.clone();
+    water.physics.push(PhysicsEntry {
+        effect: "current".to_owned(),
+        parameters: vec![("vx_mps".to_owned(), ParameterValue::Number(0.02))],
+    });
+    let runs = [
+        clean(simulated(&rig, "a", &[(0.0, 4.0), (9.0, 0.0)], 11)),
+        clean(simulated(
+            &rig,
+            "b",
+            &[(0.0, 8.0), (6.0, -8.0), (12.0, 0.0)],
+            12,
+        )),
+    ];
+    let inside = clean(simulated(&rig, "c", &[(0.0, 6.0), (8.0, -3.0)], 23));
+    let missed = clean(simulated(
+        &water,
+        "d",
+        &[(0.0, 16.0), (7.0, -4.0), (12.0, 0.0)],
+        24,
+    ));
+    let both = [inside.clone(), missed.clone()];
+    let found = diagnose(&runs, &both, &rig, &|_| {}).unwrap();
+    let v = &found.verdict;
+    assert_eq!(v.verdict, Word::None, "{}", v.sentence);
+    assert!(!v.contradicted_by.is_empty(), "{:?}", v.fit.held_out);
+    assert!(
+        v.contradicted_by.iter().all(|c| c.log == "d"),
+        "{:?}",
+        v.contradicted_by
+    );
+    let x = v.contradicted_by.iter().find(|c| c.channel == "x_m");
+    let x = x.unwrap();
+    assert!(x.p_value < 0.01 && x.rms > x.band, "{x:?}");
+    let beyond = "surge load up to 16.0 N, fitted up to 8.00 N";
+    assert!(x.outside.contains(beyond), "{}", x.outside);
+    assert!(
+        v.sentence.contains("Held out, d contradicts it: x_m") && v.sentence.contains(beyond),
+        "{}",
+        v.sentence
+    );
+    assert!(v.notes.iter().any(|n| n.starts_with("d, held out, is")));
+    let html = hydroline::diagnose::report::pages(&found, "").page.html();
+    assert!(html.contains("Held out, and missed"));
+    // In whatever order, and each by itself.
+    let other = [missed, inside];
+    let turned = diagnose(&runs, &other, &rig, &|_| {}).unwrap().verdict;
+    assert_eq!(turned.contradicted_by, v.contradicted_by);
+}
