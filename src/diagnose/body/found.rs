@@ -232,7 +232,7 @@ impl<'a> Judged<'a> {
         let body = &self.found.problem.body;
         for term in self.best.terms.iter().filter(|_| !self.something_matters()) {
             let candidate = &body.candidates[*term];
-            if candidate.kind != Kind::Effect {
+            if candidate.kind != Kind::Effect && !self.is_written(*term) {
                 notes.push(format!(
                     "a small force that no known effect explains is there: {}; below the tolerance in these runs, and not written into a rig",
                     candidate.name()
