@@ -129,8 +129,12 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         progress: &tell,
         limit: until_ctrl_c(args.limit.begin()),
     };
-    let found = diagnose_beside(&sources, &held, &rig, &beside, watch)?;
+    let mut found = diagnose_beside(&sources, &held, &rig, &beside, watch)?;
     drop(stages);
+    if let Some(command) = fitting_too(args, &held, &found.verdict) {
+        let note = format!("to fit what was held out and missed, too: {command}");
+        found.verdict.notes.push(note);
+    }
     if let Some(dir) = &args.report {
         let page = write_report(args.output, dir, &found, &command())?;
         errln!("{}", page.display());
@@ -154,6 +158,53 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     }
     call::offer(move || report::pages(&found, "hydroline.diagnose").page.html());
     Ok(Outcome::Done)
+}
+
+/// Command that fits, too, the logs held out that contradict a verdict, as a shell takes it; `None` where none does.
+fn fitting_too(args: &Args, held: &[Source], verdict: &Verdict) -> Option<String> {
+    let is_missed = |source: &Source| {
+        let name = &source.run.name;
+        // A log with a gap is several runs, each named after it.
+        let of_log = |log: &str| {
+            log.strip_prefix(name)
+                .is_some_and(|t| t.is_empty() || t.starts_with('@'))
+        };
+        verdict.contradicted_by.iter().any(|c| of_log(&c.log))
+    };
+    let mut words = vec!["hydroline".to_owned(), "diagnose".to_owned()];
+    words.extend(args.logs.iter().map(Part::to_string));
+    let mut still_held = Vec::new();
+    for (part, source) in args.hold_out.iter().zip(held) {
+        if is_missed(source) {
+            words.push(part.to_string());
+        } else {
+            still_held.extend(["--hold-out".to_owned(), part.to_string()]);
+        }
+    }
+    if words.len() == 2 + args.logs.len() {
+        return None;
+    }
+    words.extend(["--rig".to_owned(), args.rig.clone()]);
+    words.extend(still_held);
+    let flags = [
+        (args.other_rig, "--other-rig"),
+        (args.accept_faults, "--accept-faults"),
+    ];
+    words.extend(flags.iter().filter(|f| f.0).map(|f| f.1.to_owned()));
+    for dof in &args.given {
+        words.extend(["--given".to_owned(), dof.name().to_owned()]);
+    }
+    let words: Vec<String> = words.iter().map(|w| quoted(w)).collect();
+    Some(words.join(" "))
+}
+
+/// A word as a shell takes it: in quotes where it is not of letters, digits and what paths are made of.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./@:+,=".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 /// Names of what a report's folder may hold.
@@ -337,5 +388,57 @@ pub(super) fn print(v: &Verdict) {
     }
     for note in &v.notes {
         errln!("  note: {note}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+    use hydroline_diagnose::verdict::Contradiction;
+
+    #[derive(Debug, clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn source(name: &str) -> Source {
+        let mut made = Source::default();
+        made.run.name = name.to_owned();
+        made
+    }
+
+    #[test]
+    fn the_command_fits_what_was_missed_and_holds_out_the_rest() {
+        let line = [
+            "diagnose",
+            "a.mcap",
+            "--hold-out",
+            "my runs/b.mcap@5..",
+            "--hold-out",
+            "c.mcap",
+            "--rig",
+            "it's.toml",
+            "--other-rig",
+            "--given",
+            "yaw",
+        ];
+        let args = Line::try_parse_from(line).unwrap().args;
+        let held = [source("b@5..60.00"), source("c")];
+        let mut verdict = Verdict::default();
+        assert_eq!(fitting_too(&args, &held, &verdict), None);
+        verdict.contradicted_by.push(Contradiction {
+            log: "b@5..60.00@31.20..60.00".to_owned(),
+            channel: "x_m".to_owned(),
+            rms: 1.7e-3,
+            band: 1.5e-4,
+            p_value: 1e-9,
+            outside: String::new(),
+        });
+        assert_eq!(
+            fitting_too(&args, &held, &verdict).unwrap(),
+            "hydroline diagnose a.mcap 'my runs/b.mcap@5..' --rig 'it'\\''s.toml' --hold-out c.mcap --other-rig --given yaw"
+        );
     }
 }

@@ -9,8 +9,10 @@ mod earned;
 mod effects;
 mod found;
 mod giving;
+mod held_out;
 mod inputs;
 pub mod next;
+mod outside;
 mod place;
 mod shown;
 mod words;
@@ -77,7 +79,12 @@ pub fn diagnose(
     // A fault in a channel that nothing is asked of stops nothing.
     let counts = |fault: &DataFault| {
         let channel = Channel::named(&fault.channel);
-        channel.is_none_or(|c| dofs.contains(&c.dof().index()))
+        channel.is_none_or(|c| {
+            let dof = c.dof().index();
+            // A given speed that is constant is an input like any other.
+            let is_given = asked.contains(&dof) && fault.fault == "dead_channel";
+            dofs.contains(&dof) && !is_given
+        })
     };
     let mut made = match stopped_by_faults(sources, held, rig, counts) {
         ControlFlow::Break(stopped) => return Ok(stopped),
@@ -163,6 +170,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
         .collect();
     verdict.at_limit = judged.at_limit();
     verdict.leave_one_run_out = judged.leave_one_run_out();
+    verdict.contradicted_by.clone_from(&judged.contradicted_by);
     verdict.verdict = judged.word();
     verdict.place = judged.place();
     verdict.notes.extend(judged.events());

@@ -6,7 +6,7 @@ use hydroline_inference::body::Body;
 use hydroline_inference::recording::Recording;
 use hydroline_numerics::outliers;
 use hydroline_numerics::parallel;
-use hydroline_numerics::statistics::extent;
+use hydroline_numerics::statistics::{extent, median};
 use hydroline_rigs::{Dof, Rig};
 
 use super::verdict::DataFault;
@@ -26,6 +26,10 @@ const OUTLIERS_SOME: f64 = 0.03;
 const OUTLIERS_OF: usize = 50;
 /// Drift of the controller's clock worth a line \[ppm\].
 const DRIFT_SOME_PPM: f64 = 20.0;
+
+/// Tolerances by which the rig's model has to move a channel that stands before it is called dead: coefficients are off by some factor, and a
+/// coarse instrument shows no less than a few.
+const DEAD_TOLERANCES: f64 = 5.0;
 
 /// A vehicle may stay within one step of a coarse instrument for this long under its first load \[s\].
 const WAITS_ON_S: f64 = 0.5;
@@ -51,7 +55,7 @@ impl Records {
 
 /// Everything wrong with one log.
 pub fn faults(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
-    let mut found = table(run, records);
+    let mut found = table(run, records, rig);
     let memory_s = memory_s(&rig.vehicle);
     found.extend(long_gap(run, memory_s));
     // Models and splines end at a gap that the vehicle does not remember.
@@ -94,7 +98,7 @@ pub(super) fn fault(
 }
 
 /// Time, units, dead and stuck channels, kinematics: the checks an imported table goes through.
-fn table(run: &Run, records: &Records) -> Vec<DataFault> {
+fn table(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
     let Some(first) = records.motion.first().map(|m| m.0) else {
         return Vec::new();
     };
@@ -131,7 +135,9 @@ fn table(run: &Run, records: &Records) -> Vec<DataFault> {
             let place = all.find(|c| f.message.starts_with(c.name()));
             let channel = place.map_or("stamp", Channel::name);
             let fatal = match f.kind {
-                "dead_channel" => place.is_some_and(|p| driven[p.dof().index()] > 0.0),
+                "dead_channel" => {
+                    place.is_some_and(|p| driven[p.dof().index()] > 0.0 && is_moved(run, rig, p))
+                }
                 "stuck_channel" => !place.is_some_and(|p| {
                     waits(run, p.dof().index(), &data.times_s, &data.motion[p.index()])
                 }),
@@ -233,12 +239,49 @@ fn against_model(run: &Run, rig: &Rig) -> Vec<DataFault> {
                 });
             match other {
                 Some((o, (g, r))) => found.push(fault(run, "swapped_columns", channel, format!("{} is commanded but {} moves, {g:.2} times as {channel} should (correlation {r:.3}): columns swapped?", dof.name(), Channel::POSES[o.index()].name()), true)),
-                None if moved < 0.02 * expected => found.push(fault(run, "dead_channel", channel, format!("{channel} moves by {moved:.2e} where the rig's model makes {expected:.2e} of the commands"), true)),
+                None if moved < 0.02 * expected && is_moved(run, rig, place) => found.push(fault(run, "dead_channel", channel, format!("{channel} moves by {moved:.2e} where the rig's model makes {expected:.2e} of the commands"), true)),
                 None => {}
             }
         }
     }
     found
+}
+
+/// Whether the rig's model moves a channel by what the command of its DOF varies about its median. A constant load holds a vehicle
+/// in its place (against weight, current or tether) or on its way, and a controller's is all but constant: then what stands is no dead
+/// channel.
+fn is_moved(run: &Run, rig: &Rig, channel: Channel) -> bool {
+    let dof = channel.dof().index();
+    let in_force = run.samples.iter().map(|s| run.wrench_at(s.t_s)[dof]);
+    let middle = median(&mut in_force.collect::<Vec<_>>()).unwrap_or(0.0);
+    let mut varied = run.clone();
+    let before = Command {
+        t_s: 0.0,
+        wrench: [0.0; 6],
+    };
+    varied.commands.insert(0, before);
+    for command in &mut varied.commands {
+        command.wrench[dof] -= middle;
+    }
+    let recording = Recording::new(std::slice::from_ref(&varied), rig.tank.start_pose[5]);
+    let Ok(body) = Body::plain(recording, rig, &[dof]) else {
+        return true;
+    };
+    let mut begin = body.begin();
+    // From rest: the way that a vehicle has is none of the command's doing.
+    let starts = body.starts.iter().flatten();
+    for (value, state) in begin.iter_mut().skip(body.own.len()).zip(starts) {
+        if state.is_rate() {
+            *value = 0.0;
+        }
+    }
+    let moved = span_of(&body.values(0, &[], &begin), channel);
+    moved.is_nan() || moved > DEAD_TOLERANCES * rig.tolerance.channels()[channel]
+}
+
+fn span_of(motion: &[PerChannel<f64>], channel: Channel) -> f64 {
+    let values: Vec<f64> = motion.iter().map(|v| v[channel]).collect();
+    span(&values)
 }
 
 /// Along a DOF what the rig's own model makes of a run, and what was measured; `None` where too little was.
@@ -316,6 +359,49 @@ fn clocks(run: &Run, records: &Records, rig: &Rig) -> Vec<DataFault> {
 mod tests {
     use super::*;
     use hydroline_core::run::Sample;
+
+    /// A run whose heave is driven by these loads from these times on, and whose z stands.
+    fn standing(loads: &[(f64, f64)]) -> Run {
+        let sample = |k: u32| {
+            let mut values = PerChannel::NAN;
+            values[Channel::Z] = 1.2;
+            Sample {
+                t_s: 0.05 * f64::from(k),
+                values,
+                covariance: None,
+            }
+        };
+        let command = |(t_s, load): &(f64, f64)| Command {
+            t_s: *t_s,
+            wrench: [0.0, 0.0, *load, 0.0, 0.0, 0.0],
+        };
+        Run {
+            samples: (0..400).map(sample).collect(),
+            commands: loads.iter().map(command).collect(),
+            ..Run::default()
+        }
+    }
+
+    /// A vehicle whose depth was held against its weight, by a load that hardly varied, was called a dead channel.
+    #[test]
+    fn a_vehicle_that_is_held_in_its_place_is_no_dead_channel() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let dead = |loads: &[(f64, f64)]| {
+            let run = standing(loads);
+            let mut records = Records::default();
+            for s in &run.samples {
+                records.motion.push(((s.t_s * 1e9) as u64, s.values));
+            }
+            let found = faults(&run, &records, &rig);
+            let dead = found.iter().filter(|f| f.fault == "dead_channel");
+            let is_fatal: Vec<bool> = dead.map(|f| f.fatal).collect();
+            assert!(!is_fatal.is_empty(), "{found:?}");
+            is_fatal.contains(&true)
+        };
+        assert!(!dead(&[(0.0, -5.0)]));
+        assert!(!dead(&[(0.0, -5.0), (7.0, -5.002), (13.0, -5.0)]));
+        assert!(dead(&[(0.0, -5.0), (7.0, 5.0), (13.0, 0.0)]));
+    }
 
     /// A coarse instrument that shows the same before the first load was taken for a stuck channel.
     #[test]

@@ -50,6 +50,7 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
     } else {
         before_after_svg = before_after(b, shown);
         tables::fit(b, v);
+        tables::contradictions(b, v);
         tables::effects(b, v);
         written(b, found);
         place(b, found, shown);

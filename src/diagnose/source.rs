@@ -1,5 +1,6 @@
 //! A log, read once: its run, and what shows faults of the data.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -68,6 +69,18 @@ impl Part {
 impl From<&PathBuf> for Part {
     fn from(path: &PathBuf) -> Part {
         Part::from(path.as_path())
+    }
+}
+
+impl fmt::Display for Part {
+    /// As the command line takes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        match self.window_s {
+            None => Ok(()),
+            Some((from_s, to_s)) if to_s.is_finite() => write!(f, "@{from_s}..{to_s}"),
+            Some((from_s, _)) => write!(f, "@{from_s}.."),
+        }
     }
 }
 
@@ -219,6 +232,9 @@ mod tests {
         let next: Part = "roll.mcap@34.5..60".parse().unwrap();
         assert!(open.overlaps(&part) && !part.overlaps(&next) && !next.overlaps(&part));
         assert!(next.overlaps(&Part::from(Path::new("roll.mcap"))));
+        for part in ["roll.mcap@9..34.5", "roll.mcap@9..", "roll.mcap"] {
+            assert_eq!(part.parse::<Part>().unwrap().to_string(), part);
+        }
         let whole: Part = "me@work.mcap".parse().unwrap();
         assert_eq!(whole, Part::from(Path::new("me@work.mcap")));
         for wrong in ["a@5..3", "a@x..3", "a@1..nan", "a@-1..3"] {

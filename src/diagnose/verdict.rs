@@ -1,5 +1,6 @@
 //! The verdict, as `diagnose --json` prints it (reference/interfaces.md, verdict). A field that has nothing to say is absent.
 
+mod contradiction;
 mod effect;
 mod mismatch;
 mod prediction;
@@ -7,6 +8,7 @@ mod truncated;
 mod unexplained;
 mod vehicle;
 
+pub use contradiction::Contradiction;
 pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
 pub use mismatch::{DataFault, NoiseFound, Test, Where};
 pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
@@ -116,6 +118,10 @@ pub struct Verdict {
     /// Each run predicted with the model refitted to the others; absent of one run alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leave_one_run_out: Option<LeaveOneRunOut>,
+    /// Channels of runs held out that miss their prediction by more than the likeliest model's band, the furthest off first; absent where
+    /// each run held out is predicted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub contradicted_by: Vec<Contradiction>,
     /// Effects that these runs cannot show, since they leave their size open, as `EFFECT`, or `EFFECT in surge, sway` where it acts in
     /// a DOF by name.
     pub blind_spots: Vec<String>,

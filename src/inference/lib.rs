@@ -34,6 +34,7 @@ pub mod planned;
 pub mod posterior;
 pub mod predicted_gain;
 pub mod prediction;
+pub mod predictive_check;
 pub mod prior;
 pub mod recording;
 pub mod search;

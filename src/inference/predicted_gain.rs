@@ -422,3 +422,42 @@ impl Problem {
         (terms, point)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::fit::Effort;
+    use crate::hyper::{Cell, Cells, SIZES};
+    use crate::prior::PriorTable;
+    use crate::tests::fixtures::Tank;
+
+    /// Friction stood among what runs cannot show because a random force followed all of their motion.
+    #[test]
+    fn what_a_random_force_hides_is_shown_without_one() {
+        let tank = Tank {
+            seconds: 12.0,
+            hz: 12.5,
+            ..Tank::new(&[0], vec![])
+        };
+        let runs = tank.runs(3, 5);
+        let prior = PriorTable::default();
+        let problem = crate::fit::Problem::new(&runs, &tank.rig, &[0], prior).unwrap();
+        let none = Cells::of([Cell::default(); 6]);
+        let begin = problem.body.begin();
+        let mut fit = problem.fit(&[], &begin, none, Effort::default()).unwrap();
+        let friction = |fit: &crate::fit::Fit| {
+            let unseen = problem.unseen(fit);
+            let names = unseen.iter().map(|c| problem.body.candidates[*c].name());
+            names.filter(|n| n.starts_with("coulomb_friction")).count()
+        };
+        fit.cells = Cells::of([Cell::default(); 6]);
+        assert_eq!(friction(&fit), 0);
+        // Three hundred tolerances.
+        let size = SIZES.iter().position(|s| *s == 300.0).unwrap();
+        let large = Cell {
+            size,
+            correlation: 0,
+        };
+        fit.cells = Cells::of([large; 6]);
+        assert_eq!(friction(&fit), 1);
+    }
+}

@@ -72,7 +72,7 @@ impl Judged<'_> {
     }
 
     /// The likeliest model with only these of its members, fitted.
-    fn part(&self, keep: &[usize]) -> Option<Fit> {
+    pub fn part(&self, keep: &[usize]) -> Option<Fit> {
         let problem = &self.found.problem;
         let mut made = self.best.clone();
         for member in (0..self.best.terms.len()).rev() {

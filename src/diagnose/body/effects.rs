@@ -6,6 +6,7 @@ use hydroline_identify::adopt::put;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::body::Own;
 use hydroline_inference::fit::Fit;
+use hydroline_inference::posterior::UNNAMED;
 use hydroline_inference::prediction::Prediction;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
@@ -15,7 +16,7 @@ use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
 use crate::verdict::{
-    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, LeaveOneRunOut, Parameters,
+    self, Alternative, BeforeAfter, ESTABLISHED, Effect, FitTable, Law, LeaveOneRunOut, Parameters,
     PredictedRun, Predictive, Value,
 };
 
@@ -97,6 +98,17 @@ impl Judged<'_> {
         .collect()
     }
 
+    /// The likeliest model that holds a term and was weighed, with the weights of its members.
+    fn weighed(&self, term: usize) -> Option<(&Fit, &[Rms])> {
+        let mut models = self.posterior.models.iter();
+        models.find_map(|(terms, _)| {
+            let fit = terms
+                .contains(&term)
+                .then(|| self.found.models.get(terms))??;
+            Some((fit, self.weights.get(terms)?.as_slice()))
+        })
+    }
+
     /// Effects that are established or not decided, heaviest first.
     pub fn effects(&self) -> Vec<Effect> {
         let body = &self.found.problem.body;
@@ -109,13 +121,7 @@ impl Judged<'_> {
             if body.candidates[e.candidate].kind != Kind::Effect {
                 continue;
             }
-            // The likeliest model that holds it.
-            let Some((fit, weights)) = self.posterior.models.iter().find_map(|(terms, _)| {
-                let fit = terms
-                    .contains(&e.candidate)
-                    .then(|| self.found.models.get(terms))??;
-                Some((fit, self.weights.get(terms)?))
-            }) else {
+            let Some((fit, weights)) = self.weighed(e.candidate) else {
                 continue;
             };
             let Some(member) = fit.terms.iter().position(|t| *t == e.candidate) else {
@@ -240,17 +246,18 @@ impl Judged<'_> {
 
     /// Coefficients without and with the effects.
     pub fn parameters(&self) -> Parameters {
+        let written = &self.written;
         let effect = |m: &usize| {
-            let c = &self.found.problem.body.candidates[self.best.terms[*m]];
+            let c = &self.found.problem.body.candidates[written.terms[*m]];
             c.kind == Kind::Effect
         };
-        let effects = (0..self.best.terms.len())
+        let effects = (0..written.terms.len())
             .filter(effect)
-            .map(|m| (self.id(self.best.terms[m]), self.numbers(self.best, m)));
+            .map(|m| (self.id(written.terms[m]), self.numbers(written, m)));
         Parameters {
             before: self.own_numbers(self.alone),
             after: self.own_after(),
-            written: self.own_numbers(self.best),
+            written: self.own_numbers(written),
             written_effects: effects.collect(),
         }
     }
@@ -341,14 +348,36 @@ impl Judged<'_> {
         channels.map(|noise| noise.map_or(f64::NAN, |n| n.total_sd()))
     }
 
-    /// Vehicle and established effects of the likeliest model into a rig.
+    /// Whether a member of the likeliest model goes into a rig: it is established, and it is said. An effect is where it is listed, a
+    /// force of no known effect where its DOF is left unexplained, what a law varies with where that law is called inexact.
+    pub fn is_written(&self, term: usize) -> bool {
+        let is_established = self.stands(term) >= ESTABLISHED;
+        match self.found.problem.body.candidates[term].kind {
+            Kind::Effect => is_established && self.weighed(term).is_some(),
+            Kind::Force { dof } | Kind::Form { dof, .. } => {
+                is_established && self.unnamed_in(dof) >= UNNAMED
+            }
+            Kind::Trend { of } => self.is_written(of) && self.law(of).0 == Law::Inexact,
+        }
+    }
+
+    /// The model that goes into a rig, fitted: coefficients beside terms that are not written are those of another vehicle.
+    pub fn written_model(&self) -> Fit {
+        if self.small_effects_fail() {
+            return self.alone.clone();
+        }
+        let terms = self.best.terms.iter().copied();
+        let keep: Vec<usize> = terms.filter(|t| self.is_written(*t)).collect();
+        if keep.len() == self.best.terms.len() {
+            return self.best.clone();
+        }
+        self.part(&keep).unwrap_or_else(|| self.alone.clone())
+    }
+
+    /// Vehicle, effects and forces of the model that goes into a rig.
     pub fn adopt(&self, rig: &mut Rig) {
         let body = &self.found.problem.body;
-        let fit = if self.small_effects_fail() {
-            self.alone
-        } else {
-            self.best
-        };
+        let fit = &self.written;
         let natural = body.natural(&fit.terms, &fit.point);
         let mut coefficients = Vec::new();
         for (i, (own, (value, _))) in body.own.iter().zip(&natural).enumerate() {
@@ -378,7 +407,7 @@ impl Judged<'_> {
             let at = places[member];
             let c = &body.candidates[*t];
             // The trend of a law is written with its effect.
-            if self.stands(*t) < ESTABLISHED || matches!(c.kind, Kind::Trend { .. }) {
+            if matches!(c.kind, Kind::Trend { .. }) {
                 continue;
             }
             let numbers = |at: usize, n: usize| -> Vec<f64> {

@@ -15,7 +15,8 @@ use hydroline_rigs::{Dof, Rig};
 
 use super::discrepancy::mattering;
 use super::earned::Left;
-use crate::verdict::{Unexplained, Word};
+use super::held_out;
+use crate::verdict::{Contradiction, Unexplained, Word};
 
 /// Probability of what matters together, from which one explanation stands alone.
 const DECIDED: f64 = 0.9;
@@ -69,6 +70,10 @@ pub struct Judged<'a> {
     pub groups: Vec<(BTreeSet<usize>, f64)>,
     /// Runs held out, and what both models predict of them.
     pub held: Option<(Problem, Predicted)>,
+    /// Whether there are runs held out of which a model gives no finite motion.
+    pub is_unpredicted: bool,
+    /// Channels of runs held out that the likeliest model does not predict.
+    pub contradicted_by: Vec<Contradiction>,
     /// Each run as the others predict it; `None` of one run alone, and where the limit was over before.
     pub one_run_out: Option<Predicted>,
     /// Residuals of the likeliest model, channel by channel.
@@ -77,6 +82,8 @@ pub struct Judged<'a> {
     pub closed: &'a [Closed],
     /// Unnamed forces that matter, and what is left that is no noise.
     pub unexplained: Vec<Unexplained>,
+    /// The model that goes into a rig: of the likeliest what is established and said, fitted by itself.
+    pub written: Fit,
 }
 
 impl<'a> Judged<'a> {
@@ -112,7 +119,8 @@ impl<'a> Judged<'a> {
                 Predicted::new(problem, predict, alone, best)
             })
             .flatten();
-        let held = (!held.is_empty())
+        let is_held = !held.is_empty();
+        let held = is_held
             .then(|| {
                 let over = problem.over(held, rig).ok()?.without_outliers(best);
                 let predicted = Predicted::new(&over, |fit| over.predict(fit), alone, best)?;
@@ -127,15 +135,20 @@ impl<'a> Judged<'a> {
             alone,
             weights,
             groups,
+            is_unpredicted: is_held && held.is_none(),
             held,
+            contradicted_by: Vec::new(),
             one_run_out,
             left: Vec::new(),
             unexplained: Vec::new(),
+            written: best.clone(),
         };
         made.left = made.look_at_what_is_left();
         made.unexplained = made.unnamed();
         let left = made.not_noise(&made.unexplained);
         made.unexplained.extend(left);
+        made.contradicted_by = made.contradictions();
+        made.written = made.written_model();
         Some(made)
     }
 
@@ -224,14 +237,21 @@ impl<'a> Judged<'a> {
         let body = &self.found.problem.body;
         for term in self.best.terms.iter().filter(|_| !self.something_matters()) {
             let candidate = &body.candidates[*term];
-            if candidate.kind != Kind::Effect {
+            if candidate.kind != Kind::Effect && !self.is_written(*term) {
                 notes.push(format!(
-                    "a small force that no known effect explains is there: {}; below the tolerance in these runs, --write-rig writes it",
+                    "a small force that no known effect explains is there: {}; below the tolerance in these runs, and not written into a rig",
                     candidate.name()
                 ));
             }
         }
         notes.extend(self.against());
+        notes.extend(held_out::notes(&self.contradicted_by));
+        if self.is_unpredicted {
+            notes.push(
+                "the runs held out are not predicted: a model gives no finite motion of them"
+                    .to_owned(),
+            );
+        }
         if self.small_effects_fail() {
             notes.push("runs are predicted worse by the others with the small effects than by the vehicle alone: none of them is written".to_owned());
         }

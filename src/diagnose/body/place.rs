@@ -5,6 +5,8 @@ mod windows;
 use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_inference::fit::Fit;
+use hydroline_inference::hyper::{Cell as ForceCell, Cells};
+use hydroline_inference::term::Kind;
 use hydroline_numerics::statistics::chi2_above;
 use hydroline_rigs::Dof;
 
@@ -128,12 +130,36 @@ impl Judged<'_> {
         }
     }
 
+    /// Candidates that say too little beside the vehicle alone and beside the laws of the likeliest model alike. Tables, trends,
+    /// forms and random forces are left out of both: they take any law's share, and what they take these runs do show.
+    fn unseen(&self) -> Vec<usize> {
+        let problem = &self.found.problem;
+        let laws_of = |fit: &Fit| {
+            let mut made = fit.clone();
+            for member in (0..made.terms.len()).rev() {
+                if problem.body.candidates[made.terms[member]].kind != Kind::Effect {
+                    (made.terms, made.point) = problem.without(&made, member);
+                }
+            }
+            made.cells = Cells::of([ForceCell::default(); 6]);
+            made
+        };
+        let beside_alone = problem.unseen(&laws_of(self.alone));
+        let laws = laws_of(self.best);
+        if laws.terms.is_empty() {
+            return beside_alone;
+        }
+        let beside_laws = problem.unseen(&laws);
+        let both = |c: &usize| beside_laws.contains(c);
+        beside_alone.into_iter().filter(both).collect()
+    }
+
     /// Effects that these runs would not show: at their typical size they change nothing that the vehicle's own numbers
     /// could not. Each stands there once, with the DOFs in which it acts by name.
     pub fn blind_spots(&self) -> Vec<String> {
         let body = &self.found.problem.body;
         let mut spots: Vec<(String, BTreeSet<usize>)> = Vec::new();
-        for c in self.found.problem.unseen(self.best) {
+        for c in self.unseen() {
             let id = self.id(c);
             if self.best.terms.iter().any(|t| self.id(*t) == id) {
                 continue;

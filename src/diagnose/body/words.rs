@@ -1,12 +1,14 @@
 //! The verdict in a sentence.
 
-use crate::verdict::{Effect, Verdict, Word};
+use crate::verdict::{Contradiction, Effect, Verdict, Word};
 
 /// Share of a coefficient by which it has to move to be said.
 const MOVED: f64 = 0.05;
+/// Runs held out that a sentence names of those that contradict it: the notes have all.
+const CONTRADICTING: usize = 2;
 
 /// A weight in the unit that people use.
-fn amount(channel: &str, weight: f64) -> String {
+pub fn amount(channel: &str, weight: f64) -> String {
     if channel.ends_with("_rad") {
         format!("{:.2} deg", weight.to_degrees())
     } else if channel.ends_with("_radps") {
@@ -73,8 +75,47 @@ fn moved(v: &Verdict) -> String {
     }
 }
 
-/// `against` = what speaks against the likeliest model as a whole.
+/// Furthest miss of each run held out that contradicts a verdict, the furthest off first.
+pub fn worst_of_each(all: &[Contradiction]) -> Vec<&Contradiction> {
+    let mut made: Vec<&Contradiction> = Vec::new();
+    for c in all {
+        if made.iter().all(|known| known.log != c.log) {
+            made.push(c);
+        }
+    }
+    made
+}
+
+/// Runs held out that are not predicted, as sentences behind the verdict's.
+fn contradicted(v: &Verdict) -> String {
+    let runs = worst_of_each(&v.contradicted_by);
+    let each = runs.iter().take(CONTRADICTING).map(|c| {
+        format!(
+            " Held out, {} contradicts it: {} misses by {} rms where {} is expected; beyond the runs fitted it has {}.",
+            c.log,
+            c.channel,
+            amount(&c.channel, c.rms),
+            amount(&c.channel, c.band),
+            c.outside
+        )
+    });
+    let mut made: String = each.collect();
+    if runs.len() > CONTRADICTING {
+        made += &format!(
+            " So do {} more of the runs held out.",
+            runs.len() - CONTRADICTING
+        );
+    }
+    made
+}
+
+/// The verdict in a sentence, and one for each run held out that contradicts it; `against` = what speaks against the likeliest
+/// model as a whole.
 pub fn sentence(v: &Verdict, against: &[String]) -> String {
+    say_found(v, against) + &contradicted(v)
+}
+
+fn say_found(v: &Verdict, against: &[String]) -> String {
     let heavy: Vec<String> = v.effects.iter().filter(|e| e.matters).map(say).collect();
     let small = || v.effects.iter().filter(|e| !e.matters);
     let there: Vec<String> = small().filter(|e| e.established).map(say).collect();
@@ -122,5 +163,42 @@ pub fn sentence(v: &Verdict, against: &[String]) -> String {
             )
         }
         Word::DataFault => v.sentence.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lag and deadband, the deadband missed: the run held out stood at eleven times its noise without a word.
+    #[test]
+    fn a_run_that_contradicts_the_verdict_is_in_its_sentence() {
+        let missed = |log: &str, channel: &str, rms, band| Contradiction {
+            log: log.to_owned(),
+            channel: channel.to_owned(),
+            rms,
+            band,
+            p_value: 1e-9,
+            outside: "surge load up to 24.0 N, fitted up to 8.00 N".to_owned(),
+        };
+        let mut v = Verdict {
+            contradicted_by: vec![missed("two-tone", "x_m", 1.7e-3, 1.5e-4)],
+            ..Verdict::default()
+        };
+        assert_eq!(
+            sentence(&v, &[]),
+            "Nothing that matters was left out. Held out, two-tone contradicts it: x_m misses by 1.70 mm rms where 0.15 mm is expected; beyond the runs fitted it has surge load up to 24.0 N, fitted up to 8.00 N."
+        );
+        for log in ["two-tone", "b", "c", "d"] {
+            v.contradicted_by.push(missed(log, "u_mps", 1e-3, 5e-4));
+        }
+        let said = sentence(&v, &[]);
+        assert_eq!(said.matches("contradicts it").count(), 2, "{said}");
+        assert!(
+            said.ends_with("So do 2 more of the runs held out."),
+            "{said}"
+        );
+        v.contradicted_by.clear();
+        assert_eq!(sentence(&v, &[]), "Nothing that matters was left out.");
     }
 }

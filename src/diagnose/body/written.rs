@@ -193,9 +193,9 @@ impl Judged<'_> {
         let one_run_out = closed.one_run_out.as_ref();
         let likeliest = ranked.first().map(|r| &r.0);
         let at = likeliest.and_then(|f| self.forces_of(f, knots));
-        // The rig is written from the likeliest model, what is established of it.
+        // The rig is written from the likeliest model, what is established and said of it.
         let in_the_rig = likeliest.is_some_and(|f| {
-            self.best.terms.contains(&f.candidate) && self.stands(f.candidate) >= ESTABLISHED
+            self.best.terms.contains(&f.candidate) && self.is_written(f.candidate)
         });
         Some(ClosedForm {
             sure,

@@ -59,6 +59,34 @@ pub(super) fn fit(b: &mut Body, v: &Verdict) {
     }
 }
 
+/// Runs held out that are beyond the band of the likeliest model; nothing where there is none.
+pub(super) fn contradictions(b: &mut Body, v: &Verdict) {
+    if v.contradicted_by.is_empty() {
+        return;
+    }
+    b.section("Held out, and missed");
+    b.warning("These runs miss their prediction by more than noise and what the model's numbers leave open: they contradict the verdict.");
+    let mut table = Table::new([
+        "run",
+        "channel",
+        "rms",
+        "expected",
+        "p",
+        "beyond the runs fitted",
+    ]);
+    for c in &v.contradicted_by {
+        table.push(
+            Row::new([&c.log, &c.channel])
+                .cell(amount(&c.channel, c.rms))
+                .cell(amount(&c.channel, c.band))
+                .cell(format!("{:.1e}", c.p_value))
+                .cell(Cell::from(&c.outside).prose()),
+        );
+    }
+    b.table(table);
+    b.paragraph("What a run has beyond those fitted is where the model was not asked before. Fitted too, it counts (see the remarks).");
+}
+
 pub(super) fn effects(b: &mut Body, v: &Verdict) {
     b.section("What was left out");
     if v.effects.is_empty() {

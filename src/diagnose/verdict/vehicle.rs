@@ -13,7 +13,7 @@ pub struct Parameters {
     pub before: BTreeMap<String, Value>,
     /// With the effects, averaged over the sets in which the same matters.
     pub after: BTreeMap<String, Value>,
-    /// With the effects, of the most probable set alone: what `--write-rig` writes, coefficients and effects of one fit.
+    /// Of the model that `--write-rig` writes, coefficients and effects of one fit: of the most probable set what is established and said.
     pub written: BTreeMap<String, Value>,
     /// The same for the effects' own parameters, by effect.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]

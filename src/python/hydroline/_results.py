@@ -122,6 +122,11 @@ class Diagnosis(Result):
         return list(self._fields["equivalent"])
 
     @property
+    def contradicted_by(self) -> List[Dict[str, Any]]:
+        """Runs held out that miss their prediction, by channel: ``log``, ``channel``, ``rms``, ``band``, ``p_value``, ``outside``."""
+        return list(self._fields.get("contradicted_by", []))
+
+    @property
     def data_faults(self) -> List[Dict[str, Any]]:
         """Faults of the data."""
         return list(self._fields["data_faults"])

@@ -156,7 +156,8 @@ impl Findings {
     fn join_verdict(&self, v: &mut Verdict) {
         let says = !self.effects.is_empty() || self.word != Word::None;
         if says {
-            v.sentence = if v.verdict == Word::None && v.effects.is_empty() {
+            let says_nothing = v.effects.is_empty() && v.contradicted_by.is_empty();
+            v.sentence = if v.verdict == Word::None && says_nothing {
                 self.sentence()
             } else {
                 format!("{} {}", v.sentence, self.sentence())
