@@ -15,6 +15,7 @@ pub mod next;
 mod outside;
 mod place;
 mod shown;
+mod unearned;
 mod words;
 mod written;
 
@@ -41,6 +42,7 @@ use hydroline_inference::posterior::Posterior;
 use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
 use inputs::Inputs;
+use unearned::take_out_unearned;
 
 /// Work on the next run that a limit leaves open.
 const NEXT_RUN: &str = "the plan of the next run";
@@ -103,12 +105,19 @@ pub fn diagnose(
         watch,
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
-    let (found, closed) = closed(found, Options::default(), watch);
+    let (mut found, closed) = closed(found, Options::default(), watch);
     let mut account = found.account.clone();
-    let posterior = Posterior::new(&found);
     account.did("search of the models");
-    watch.tell("predictions");
     let held = apart(held);
+    watch.tell("members that predict worse");
+    let over = found
+        .problem
+        .over(&held, rig)
+        .ok()
+        .filter(|_| !held.is_empty());
+    let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);
+    let posterior = Posterior::new(&found);
+    watch.tell("predictions");
     let mut judged = Judged::new(&found, &posterior, &closed, &held, rig, watch.limit).ok_or(
         DiagnoseError::NoFit {
             dof: Dof::ALL[dofs[0]].name(),
@@ -124,6 +133,10 @@ pub fn diagnose(
     verdict.given = inputs.names();
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
+    let worse = gone.iter().map(|name| {
+        format!("{name}: runs that were not fitted are predicted worse with it than without it: it is in no model")
+    });
+    verdict.notes.extend(worse);
     tell(verdict, &judged, &dofs);
     if judged.is_built_up() && !account.leaves_open(watch.limit, "the effects one after the other")
     {
