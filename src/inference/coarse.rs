@@ -13,7 +13,7 @@ use super::prediction::Prediction;
 use super::summary::Rms;
 
 /// Fits, each with the noise that the one before left.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 6;
 /// Change of a misfit's logarithm below which its noise stays.
 const SAME_MISFIT: f64 = 0.05;
 /// Lags over which the correlation of what is left is summed, as a share of a run.
@@ -26,8 +26,8 @@ const PARTS: usize = 4;
 const BY_SQUARES: Effort = Effort {
     forces_held: true,
     rounds: 1,
-    steps: 12,
-    decrement: 0.5,
+    steps: 15,
+    decrement: 0.1,
     ..Effort::DEFAULT
 };
 

@@ -139,10 +139,6 @@ struct Search<'a> {
     account: Account,
     /// Fits of the present step that the limit kept from beginning.
     not_begun: usize,
-    /// Models by least squares of the motion.
-    squares: Vec<Fit>,
-    /// Of these the one that predicts the runs left out best.
-    predicting: Option<coarse::Coarse>,
 }
 
 type Job = (Vec<usize>, Vec<f64>, Cells);
@@ -362,8 +358,6 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
         watch,
         account: Account::default(),
         not_begun: 0,
-        squares: Vec::new(),
-        predicting: None,
     };
     search.set_floor();
     search.alone();
@@ -372,7 +366,6 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
     if search.renew_noise(false) {
         search.rescore();
     }
-    search.explain_most();
     search.run();
     for _ in 0..options.noise_rounds {
         if search.gives_up() || search.leaves_open("noise beside the best model") {
@@ -425,8 +418,6 @@ pub(super) fn resumed(
         watch,
         account: found.account,
         not_begun: 0,
-        squares: Vec::new(),
-        predicting: None,
     };
     search.run();
     search.found()

@@ -1,19 +1,18 @@
 //! From the vehicle alone to what explains most of the simulation error, as a person looks first: no random force, noise of
 //! the size of the misfit, which comes down as laws join, and each law has to predict the runs left out.
 //!
-//! These models propose; the search fits each of them under the instruments' noise and a random force. Where a random force
-//! that matters is left in the end and they predict the runs left out better, they decide: the force then says how
-//! accelerations scatter, and nothing of the motion.
+//! Asked where the likeliest model leaves a random force that matters, or follows what is left by a table: the force says how
+//! accelerations scatter, and nothing of the motion. Where laws predict the runs left out better, they decide.
 
 use std::collections::BTreeMap;
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::{cancel, parallel};
 
-use super::{AS_GIVEN, BEGIN, Job, Search};
+use super::Search;
 use crate::body::Point;
 use crate::fit::{Fit, Problem};
-use crate::hyper::{Cell, Cells, Tables};
+use crate::hyper::Tables;
 use crate::posterior::{UNNAMED, above_tolerance};
 use crate::predicted_gain::pair::PredictedPair;
 use crate::summary::Rms;
@@ -25,7 +24,7 @@ const SINGLES: usize = 4;
 /// Pairs of laws fitted beside each model.
 const PAIRS: usize = 3;
 /// Decrease of a misfit's logarithm that each law must bring.
-const WORTH: f64 = 0.05;
+const WORTH: f64 = 0.1;
 /// Models of each size that the search decides on, and that the runs left out choose from.
 const KEPT: usize = 2;
 /// Logarithm of the share of a rival's misfit that is left where a model explains most of it: half.
@@ -77,7 +76,13 @@ fn by_squares(problem: &Problem, jobs: Vec<(Vec<usize>, Point)>) -> Vec<Coarse> 
 fn proposed(problem: &Problem, fit: &Fit, least_gain: f64) -> Vec<(Vec<usize>, Point)> {
     let coarse = problem.coarse(&problem.left(&fit.terms, &fit.point));
     let gains = coarse.predicted_gains(fit);
-    let alone = || gains.iter().filter(|p| p.instead.is_none());
+    // The vehicle's own coefficients are fitted anyway.
+    let other = |candidate: usize| !problem.body.candidates[candidate].own;
+    let alone = || {
+        gains
+            .iter()
+            .filter(|p| p.instead.is_none() && other(p.candidate))
+    };
     let mut jobs: Vec<(Vec<usize>, Point)> = alone()
         .filter(|p| p.gain > least_gain)
         .take(SINGLES)
@@ -90,7 +95,9 @@ fn proposed(problem: &Problem, fit: &Fit, least_gain: f64) -> Vec<(Vec<usize>, P
             .is_some_and(|b| p.members.iter().any(|m| m.0 == b.candidate))
     };
     // Those with the best law come in the next turn anyway: the other pairs do without it.
-    let worth = |p: &&PredictedPair| p.gain > p.better_alone + least_gain;
+    let worth = |p: &&PredictedPair| {
+        p.members.iter().all(|m| other(m.0)) && p.gain > p.better_alone + least_gain
+    };
     let (with, without): (Vec<_>, Vec<_>) = pairs.iter().filter(worth).partition(holds_best);
     let chosen = with.into_iter().take(1);
     for p in chosen.chain(without.into_iter().take(PAIRS - 1)) {
@@ -122,8 +129,9 @@ impl Search<'_> {
         })
     }
 
-    /// Adds the models that explain most of the simulation error to those visited.
-    pub(super) fn explain_most(&mut self) {
+    /// The model that predicts the runs left out best of those that explain most of the simulation error, and all models by
+    /// least squares on the way.
+    fn explained_most(&mut self) -> Option<(Coarse, Vec<Fit>)> {
         let mut from = vec![self.problem.body.begin()];
         from.extend(self.models.get(&Vec::new()).map(|f| f.point.clone()));
         let alone = by_squares(
@@ -134,21 +142,15 @@ impl Search<'_> {
         let least = alone
             .into_iter()
             .min_by(|a, b| beside(&a.left, &b.left).total_cmp(&0.0));
-        let Some(mut at) = least else { return };
-        self.squares.push(at.fit.clone());
+        let mut at = least?;
+        let mut squares = vec![at.fit.clone()];
         let mut predicted = self.by_others(&at);
-        let mut kept = Vec::new();
         for _ in 0..JOINS {
             if self.is_explained(&pooled(&at.left)) {
                 break;
             }
-            let step = format!("simulation error beside {}", self.label(&at.fit));
-            if self.leaves_open(&step) {
-                break;
-            }
-            self.watch.tell(&step);
-            self.account.steps += 1;
-            self.account.did(&step);
+            self.watch
+                .tell(&format!("simulation error beside {}", self.label(&at.fit)));
             let jobs = proposed(&self.problem, &at.fit, self.options.least_gain);
             self.fits += jobs.len();
             let mut made = by_squares(&self.problem, jobs);
@@ -164,10 +166,9 @@ impl Search<'_> {
                     self.names(&c.fit)
                 );
             }
-            self.squares.extend(made.iter().map(|c| c.fit.clone()));
+            squares.extend(made.iter().map(|c| c.fit.clone()));
             made.retain(|c| worth(c, &at, &at.left) < 0.0);
             made.truncate(KEPT);
-            kept.extend(made.iter().map(|c| c.fit.clone()));
             // Of the best the one that predicts best.
             let by_others = made
                 .into_iter()
@@ -188,28 +189,28 @@ impl Search<'_> {
             predicted = Some(by_others);
             at = in_sample;
         }
-        self.predicting = predicted;
-        let small = Cell {
-            size: BEGIN[0],
-            correlation: 1,
-        };
-        let jobs: Vec<Job> = kept
-            .into_iter()
-            .map(|f| (f.terms, f.point, Cells::of([small; 6])))
-            .collect();
-        self.fit_in_time(jobs, AS_GIVEN);
+        Some((predicted?, squares))
     }
 
     /// Where the likeliest model leaves a random force that matters, and the model that explains most of the simulation
     /// error predicts the runs left out no worse: that one and its rivals, scored by the simulation error alone with as many
     /// samples as are independent (a coarsened posterior, Miller and Dunson 2019).
     pub(super) fn decide_by_prediction(&mut self) {
-        let (Some(best), Some(predicting)) = (self.best().cloned(), self.predicting.clone()) else {
+        let Some(best) = self.best().cloned() else {
             return;
         };
         let dofs = &self.problem.body.dofs;
-        let swallows = dofs.iter().any(|d| above_tolerance(&best, *d) >= UNNAMED);
-        if !swallows || predicting.fit.terms.is_empty() {
+        let all = &self.problem.body.candidates;
+        // A table follows everything inside of what it has seen, as a random force does.
+        let swallows = dofs.iter().any(|d| above_tolerance(&best, *d) >= UNNAMED)
+            || best.terms.iter().any(|t| all[*t].is_table());
+        if !swallows {
+            return;
+        }
+        let Some((predicting, squares)) = self.explained_most() else {
+            return;
+        };
+        if predicting.fit.terms.is_empty() {
             return;
         }
         let problem = &self.problem;
@@ -246,7 +247,7 @@ impl Search<'_> {
             let sd = left[c] * (samples[c] / count[c]).sqrt();
             if sd.is_finite() { sd } else { 0.0 }
         });
-        let mut asked: Vec<Fit> = std::mem::take(&mut self.squares);
+        let mut asked = squares;
         asked.extend(rival.map(|r| r.fit));
         for member in 0..predicting.fit.terms.len() {
             let (terms, point) = problem.without(&predicting.fit, member);
