@@ -382,7 +382,7 @@ impl Judged<'_> {
         let mut coefficients = Vec::new();
         for (i, (own, (value, _))) in body.own.iter().zip(&natural).enumerate() {
             match own {
-                Own::Coefficient(c, _) => coefficients.push((i, *c, *value)),
+                Own::Coefficient(c, _) | Own::Unsaid(c, _) => coefficients.push((i, *c, *value)),
                 Own::Restoring(_) => {
                     let weight_n = rig.vehicle.mass_kg * rig.vehicle.gravity_mps2;
                     rig.vehicle.r_bz_m = value / weight_n;
