@@ -10,6 +10,7 @@ mod effects;
 mod found;
 mod giving;
 mod held_out;
+mod implausible;
 mod inputs;
 pub mod next;
 mod outside;
@@ -103,7 +104,8 @@ pub fn diagnose(
         watch,
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
-    let (found, closed) = closed(found, Options::default(), watch);
+    let (mut found, closed) = closed(found, Options::default(), watch);
+    let not_offered = found.take_implausible();
     let mut account = found.account.clone();
     let posterior = Posterior::new(&found);
     account.did("search of the models");
@@ -124,7 +126,10 @@ pub fn diagnose(
     verdict.given = inputs.names();
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
+    verdict.implausible = implausible::listed(&found.problem.body.candidates, &not_offered);
     tell(verdict, &judged, &dofs);
+    let notes = implausible::notes(&verdict.implausible);
+    verdict.notes.extend(notes);
     if judged.is_built_up() && !account.leaves_open(watch.limit, "the effects one after the other")
     {
         verdict.ablation = judged.ablation();

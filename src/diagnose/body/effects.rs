@@ -68,14 +68,14 @@ fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
     first.keys().map(|name| (name.clone(), of(name))).collect()
 }
 
-fn words(c: &Candidate) -> BTreeMap<String, String> {
+pub fn words(c: &Candidate) -> BTreeMap<String, String> {
     let each = c.info.words.iter().zip(&c.words);
     each.filter_map(|(w, i)| Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned())))
         .collect()
 }
 
 /// The DOF that an effect's words name.
-fn place(c: &Candidate) -> Option<String> {
+pub fn place(c: &Candidate) -> Option<String> {
     c.place().map(str::to_owned)
 }
 
