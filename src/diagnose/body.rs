@@ -16,6 +16,7 @@ pub mod next;
 mod outside;
 mod place;
 mod shown;
+mod unearned;
 mod words;
 mod written;
 
@@ -42,6 +43,7 @@ use hydroline_inference::posterior::Posterior;
 use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
 use inputs::Inputs;
+use unearned::take_out_unearned;
 
 /// Work on the next run that a limit leaves open.
 const NEXT_RUN: &str = "the plan of the next run";
@@ -105,12 +107,25 @@ pub fn diagnose(
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
     let (mut found, closed) = closed(found, Options::default(), watch);
-    let not_offered = found.take_implausible();
+    let mut not_offered = found.take_implausible();
     let mut account = found.account.clone();
-    let posterior = Posterior::new(&found);
     account.did("search of the models");
-    watch.tell("predictions");
     let held = apart(held);
+    watch.tell("members that predict worse");
+    let over = found
+        .problem
+        .over(&held, rig)
+        .ok()
+        .filter(|_| !held.is_empty());
+    let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);
+    // What was fitted anew without a member may have another size.
+    for more in found.take_implausible() {
+        if not_offered.iter().all(|n| n.candidate != more.candidate) {
+            not_offered.push(more);
+        }
+    }
+    let posterior = Posterior::new(&found);
+    watch.tell("predictions");
     let mut judged = Judged::new(&found, &posterior, &closed, &held, rig, watch.limit).ok_or(
         DiagnoseError::NoFit {
             dof: Dof::ALL[dofs[0]].name(),
@@ -127,6 +142,10 @@ pub fn diagnose(
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
     verdict.implausible = implausible::listed(&found.problem.body.candidates, &not_offered);
+    let worse = gone.iter().map(|name| {
+        format!("{name}: runs that were not fitted are predicted worse with it than without it: it is in no model")
+    });
+    verdict.notes.extend(worse);
     tell(verdict, &judged, &dofs);
     let notes = implausible::notes(&verdict.implausible);
     verdict.notes.extend(notes);

@@ -9,6 +9,7 @@ use hydroline_numerics::{cancel, parallel};
 
 use super::fit::{Effort, Fit, Problem};
 use super::hyper::{Cell, Cells, Tables};
+use super::prediction::Prediction;
 use super::summary::Rms;
 
 /// Fits, each with the noise that the one before left.
@@ -17,6 +18,9 @@ const ROUNDS: usize = 3;
 const SAME_MISFIT: f64 = 0.05;
 /// Lags over which the correlation of what is left is summed, as a share of a run.
 const LAGS: f64 = 0.25;
+
+/// Parts of a single run, each predicted by the others.
+const PARTS: usize = 4;
 
 /// Fits that know of no random force.
 const BY_SQUARES: Effort = Effort {
@@ -74,12 +78,9 @@ impl Problem {
         made
     }
 
-    /// rms that each run leaves where the others predict it, all by least squares; of a single run what it leaves itself.
-    pub fn left_by_others(&self, fit: &Fit) -> Option<Vec<Rms>> {
+    /// Every run as the others predict it, all by least squares.
+    pub fn one_run_out_by_squares(&self, fit: &Fit) -> Option<Prediction> {
         let runs = self.body.recording.runs.len();
-        if runs < 2 {
-            return Some(self.left_by_run(&self.predicted(&fit.terms, &fit.point)));
-        }
         let places = self.body.start_places(&fit.terms);
         let outs: Vec<usize> = (0..runs).collect();
         let each = parallel::map_slice(&outs, |&out| {
@@ -91,10 +92,43 @@ impl Problem {
                 from.extend(&fit.point[places[*r]..places[r + 1]]);
             }
             let made = part.least_squares(&fit.terms, &from, &fit.cells.tables)?;
-            let one = self.only(&[out]);
-            let coarse = one.coarse(&part.left(&made.terms, &made.point));
-            let point = coarse.with_starts(&made.terms, &made.point)?;
-            Some(one.left(&made.terms, &point))
+            let sd = part.left(&made.terms, &made.point);
+            self.only(&[out]).coarse(&sd).predict(&made)
+        });
+        let mut all = Prediction::default();
+        for of in each {
+            let of = of?;
+            all.values.extend(of.values);
+            all.sd.extend(of.sd);
+        }
+        Some(all)
+    }
+
+    /// rms that each run leaves where the others predict it, all by least squares; of a single run the same of each of its
+    /// parts, through which the motion goes on from what was before.
+    pub fn left_by_others(&self, fit: &Fit) -> Option<Vec<Rms>> {
+        match self.noises.used.as_slice() {
+            [one] => self.left_by_other_parts(fit, one),
+            _ => Some(self.left_by_run(&self.one_run_out_by_squares(fit)?.values)),
+        }
+    }
+
+    fn left_by_other_parts(&self, fit: &Fit, used: &[PerChannel<bool>]) -> Option<Vec<Rms>> {
+        let parts: Vec<usize> = (0..PARTS).collect();
+        let each = parallel::map_slice(&parts, |&part| {
+            cancel::check();
+            let within = part * used.len() / PARTS..(part + 1) * used.len() / PARTS;
+            let only = |inside: bool| {
+                let mut made = self.clone();
+                for (k, used) in made.noises.used[0].iter_mut().enumerate() {
+                    if within.contains(&k) != inside {
+                        *used = PerChannel::splat(false);
+                    }
+                }
+                made
+            };
+            let made = only(false).least_squares(&fit.terms, &fit.point, &fit.cells.tables)?;
+            Some(only(true).left(&made.terms, &made.point))
         });
         each.into_iter().collect()
     }

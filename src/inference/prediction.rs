@@ -25,7 +25,35 @@ pub struct Prediction {
     pub sd: Vec<Rms>,
 }
 
+/// Runs are predicted worse where the error, in tolerances and noise, grows by more than this share: less is what a number that
+/// is fitted too costs.
+const WORSE: f64 = 0.1;
+
 impl Problem {
+    /// Whether runs are predicted worse than by another prediction: each error in units of noise, tolerance and of what the
+    /// model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
+    pub fn predicts_worse(&self, of: &Prediction, than: &Prediction) -> bool {
+        // (squared error within noise and tolerance alone, twice minus the log score but for its constant).
+        let size = |of: &Prediction| -> (f64, f64) {
+            let left = self.left_by_run(&of.values);
+            let runs = left.len().max(1) as f64;
+            let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
+                let channels = self.noises.channels.each();
+                channels.filter_map(|(c, noise)| {
+                    let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
+                    let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));
+                    let score = error / (1.0 + open) + open.ln_1p();
+                    score.is_finite().then_some((error / runs, score / runs))
+                })
+            });
+            each.fold((0.0, 0.0), |sum, e| (sum.0 + e.0, sum.1 + e.1))
+        };
+        let (than, of) = (size(than), size(of));
+        // Within noise and tolerance nobody is worse.
+        let channels = self.noises.channels.iter().flatten().count() as f64;
+        of.0 > channels && of.1 > (1.0 + WORSE) * than.1
+    }
+
     /// Numbers of these runs with what was found elsewhere and starts fitted here; the motion is then predicted but for
     /// where it began.
     pub fn with_starts(&self, terms: &[usize], globals: &[f64]) -> Option<Point> {

@@ -66,10 +66,7 @@ pub struct Options {
     pub may_give_up: [bool; 6],
     /// Fits after which that is asked.
     pub give_up_after: usize,
-    /// Share of what the best model leaves below which evidence is not asked for: there the likelihood would say which model
-    /// follows best what none of them explains.
-    pub floor_share: f64,
-    /// The same as a share of the tolerance: less than that matters to nobody.
+    /// Share of the tolerance below which evidence is not asked for: less than that matters to nobody.
     pub floor_over_tolerance: f64,
 }
 
@@ -95,7 +92,6 @@ impl Default for Options {
             shorter_gain: 20f64.ln(),
             may_give_up: [false; 6],
             give_up_after: 30,
-            floor_share: 0.3,
             floor_over_tolerance: 0.05,
         }
     }
@@ -372,6 +368,7 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
         squares: Vec::new(),
         predicting: None,
     };
+    search.set_floor();
     search.alone();
     search.best()?;
     search.account.did("the vehicle alone");
@@ -381,10 +378,10 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
     search.explain_most();
     search.run();
     for _ in 0..options.noise_rounds {
-        if search.gives_up()
-            || search.leaves_open("noise beside the best model")
-            || !search.renew_noise(false)
-        {
+        if search.gives_up() || search.leaves_open("noise beside the best model") {
+            break;
+        }
+        if !search.renew_noise(false) {
             break;
         }
         search.rescore();

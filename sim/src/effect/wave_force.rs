@@ -94,7 +94,8 @@ impl<T: Real> Law<T> for Wave<T> {
     }
 
     fn force(&self, m: &Moment<'_, T>, own: &[T], force: &mut [T; 6]) {
-        if m.companions.is_none() {
+        // Without a wave there is no drift either.
+        if m.given.and_then(|g| g.companions[WAVE].as_ref()).is_none() {
             return;
         }
         let height_m = m.companion(WAVE);

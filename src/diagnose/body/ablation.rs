@@ -23,7 +23,7 @@ impl Judged<'_> {
         let Some((alone, _)) = self.predicted_already() else {
             return Vec::new();
         };
-        let mut made = vec![self.step(String::new(), self.alone, &alone)];
+        let mut made = vec![self.step(String::new(), &self.alone, &alone)];
         let mut last = self.alone.clone();
         let mut open = heavy;
         while !open.is_empty() {

@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term;
 use hydroline_inference::body::Own;
-use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 
 use super::found::Judged;
@@ -20,10 +19,6 @@ const NOT_NOISE: f64 = 1e-3;
 const FAR_OFF: f64 = 2.0;
 /// Share of its limit's distance at which a coefficient counts as being there.
 const AT_LIMIT: f64 = 0.99;
-/// Runs are predicted worse by the others where the error, in tolerances and noise, grows by more than this share: less is what a
-/// coefficient that is fitted too costs.
-const WORSE: f64 = 0.1;
-
 /// Residual of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Left {
@@ -201,31 +196,10 @@ impl Judged<'_> {
             .collect()
     }
 
-    /// Whether runs are predicted worse by the others than by the vehicle alone: each error in units of noise, tolerance and of what
-    /// the model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
+    /// Whether runs are predicted worse by the others than by the vehicle alone.
     pub fn predicts_worse(&self) -> bool {
-        let Some(predicted) = &self.one_run_out else {
-            return false;
-        };
         let problem = &self.found.problem;
-        // (squared error within noise and tolerance alone, twice minus the log score but for its constant).
-        let size = |of: &Prediction| -> (f64, f64) {
-            let left = problem.left_by_run(&of.values);
-            let runs = left.len().max(1) as f64;
-            let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
-                let channels = problem.noises.channels.each();
-                channels.filter_map(|(c, noise)| {
-                    let least = noise.as_ref()?.total_sd().max(problem.body.tolerance[c]);
-                    let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));
-                    let score = error / (1.0 + open) + open.ln_1p();
-                    score.is_finite().then_some((error / runs, score / runs))
-                })
-            });
-            each.fold((0.0, 0.0), |sum, e| (sum.0 + e.0, sum.1 + e.1))
-        };
-        let (before, after) = (size(&predicted.before), size(&predicted.after));
-        // Within noise and tolerance nobody is worse.
-        let channels = problem.noises.channels.iter().flatten().count() as f64;
-        after.0 > channels && after.1 > (1.0 + WORSE) * before.1
+        let predicted = self.one_run_out.as_ref();
+        predicted.is_some_and(|p| problem.predicts_worse(&p.after, &p.before))
     }
 }

@@ -255,7 +255,7 @@ impl Judged<'_> {
             .filter(effect)
             .map(|m| (self.id(written.terms[m]), self.numbers(written, m)));
         Parameters {
-            before: self.own_numbers(self.alone),
+            before: self.own_numbers(&self.alone),
             after: self.own_after(),
             written: self.own_numbers(written),
             written_effects: effects.collect(),
@@ -283,7 +283,7 @@ impl Judged<'_> {
         let problem = &self.found.problem;
         let left = |fit: &Fit| problem.left(&fit.terms, &fit.point);
         let mut made = FitTable {
-            train: self.before_after(&(left(self.alone), left(self.best))),
+            train: self.before_after(&(left(&self.alone), left(self.best))),
             ..FitTable::default()
         };
         if let Some((over, predicted)) = &self.held {

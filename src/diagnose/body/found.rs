@@ -56,14 +56,29 @@ impl Predicted {
     }
 }
 
+/// The vehicle alone with the least misfit; its covariance is that of the fit beside a random force.
+fn plain(problem: &Problem, beside_force: &Fit) -> Fit {
+    let from = [beside_force.point.clone(), problem.body.begin()];
+    let made = from.iter().filter_map(|at| {
+        let fit = problem.least_squares(&[], at, &beside_force.cells.tables)?;
+        let left = problem.left(&[], &fit.point);
+        Some((relative(&left, &problem.body.tolerance), fit))
+    });
+    let least = made.min_by(|a, b| a.0.total_cmp(&b.0));
+    Fit {
+        point: least.map_or_else(|| beside_force.point.clone(), |(_, fit)| fit.point),
+        ..beside_force.clone()
+    }
+}
+
 /// A posterior with its weights.
 pub struct Judged<'a> {
     pub found: &'a Found,
     pub posterior: &'a Posterior,
     /// The likeliest model.
     pub best: &'a Fit,
-    /// The vehicle alone.
-    pub alone: &'a Fit,
+    /// The vehicle alone, by least squares of the motion: beside a random force it drifts, for the force forgives it.
+    pub alone: Fit,
     /// Weights of every model's effects, of those that were weighed.
     pub weights: BTreeMap<Vec<usize>, Vec<Rms>>,
     /// Sets of what matters with their probabilities, likeliest first.
@@ -96,8 +111,8 @@ impl<'a> Judged<'a> {
         limit: Limit,
     ) -> Option<Judged<'a>> {
         let best = found.models.get(&posterior.models.first()?.0)?;
-        let alone = found.models.get(&Vec::new())?;
         let problem = &found.problem;
+        let alone = plain(problem, found.models.get(&Vec::new())?);
         let mut weights = BTreeMap::new();
         for (terms, _) in posterior
             .models
@@ -115,15 +130,21 @@ impl<'a> Judged<'a> {
         let runs = problem.body.recording.runs.len();
         let one_run_out = (runs > 1)
             .then(|| {
-                let predict = |fit: &Fit| problem.one_run_out_within(fit, limit);
-                Predicted::new(problem, predict, alone, best)
+                if limit.is_over() {
+                    return None;
+                }
+                let predict = |fit: &Fit| match fit.terms.is_empty() {
+                    true => problem.one_run_out_by_squares(fit),
+                    false => problem.one_run_out_within(fit, limit),
+                };
+                Predicted::new(problem, predict, &alone, best)
             })
             .flatten();
         let is_held = !held.is_empty();
         let held = is_held
             .then(|| {
                 let over = problem.over(held, rig).ok()?.without_outliers(best);
-                let predicted = Predicted::new(&over, |fit| over.predict(fit), alone, best)?;
+                let predicted = Predicted::new(&over, |fit| over.predict(fit), &alone, best)?;
                 Some((over, predicted))
             })
             .flatten();

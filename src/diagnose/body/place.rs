@@ -38,7 +38,7 @@ impl Judged<'_> {
                 relative(a.1, &body.tolerance).total_cmp(&relative(b.1, &body.tolerance))
             })
         });
-        let alone = self.misfit(self.alone);
+        let alone = self.misfit(&self.alone);
         let left = match self.best.terms.is_empty() {
             true => Misfit::default(),
             false => self.misfit(self.best),
@@ -144,7 +144,7 @@ impl Judged<'_> {
             made.cells = Cells::of([ForceCell::default(); 6]);
             made
         };
-        let beside_alone = problem.unseen(&laws_of(self.alone));
+        let beside_alone = problem.unseen(&laws_of(&self.alone));
         let laws = laws_of(self.best);
         if laws.terms.is_empty() {
             return beside_alone;

@@ -1,12 +1,9 @@
 //! From the vehicle alone to what explains most of the simulation error, as a person looks first: no random force, noise of
 //! the size of the misfit, which comes down as laws join, and each law has to predict the runs left out.
 //!
-//! These models propose; the search fits each of them under the instruments' noise and a random force. What the best of them
-//! leaves says how far down evidence is asked for at all ([`Noises::floor_sd`]). Where a random force that matters is left
-//! in the end and they predict the runs left out no worse, they decide: the force then says how accelerations scatter, and
-//! nothing of the motion.
-//!
-//! [`Noises::floor_sd`]: crate::hyper::Noises::floor_sd
+//! These models propose; the search fits each of them under the instruments' noise and a random force. Where a random force
+//! that matters is left in the end and they predict the runs left out better, they decide: the force then says how
+//! accelerations scatter, and nothing of the motion.
 
 use std::collections::BTreeMap;
 
@@ -31,6 +28,8 @@ const PAIRS: usize = 3;
 const WORTH: f64 = 0.05;
 /// Models of each size that the search decides on, and that the runs left out choose from.
 const KEPT: usize = 2;
+/// Logarithm of the share of a rival's misfit that is left where a model explains most of it: half.
+const MOST: f64 = -std::f64::consts::LN_2;
 /// Misfit over the instruments' noise up to which nothing is left to explain.
 const AT_NOISE: f64 = 1.15;
 
@@ -53,7 +52,11 @@ fn beside(left: &[Rms], other: &[Rms]) -> f64 {
 /// rms over runs per channel.
 fn pooled(left: &[Rms]) -> Rms {
     PerChannel::from_fn(|c| {
-        let each: Vec<f64> = left.iter().map(|l| l[c]).filter(|v| v.is_finite()).collect();
+        let each: Vec<f64> = left
+            .iter()
+            .map(|l| l[c])
+            .filter(|v| v.is_finite())
+            .collect();
         let sum: f64 = each.iter().map(|v| v * v).sum();
         (sum / each.len() as f64).sqrt()
     })
@@ -119,7 +122,7 @@ impl Search<'_> {
         })
     }
 
-    /// Adds the models that explain most of the simulation error to those visited, and sets the floor of the noise.
+    /// Adds the models that explain most of the simulation error to those visited.
     pub(super) fn explain_most(&mut self) {
         let mut from = vec![self.problem.body.begin()];
         from.extend(self.models.get(&Vec::new()).map(|f| f.point.clone()));
@@ -155,7 +158,11 @@ impl Search<'_> {
             };
             made.sort_by(|a, b| worth(a, &at, &at.left).total_cmp(&worth(b, &at, &at.left)));
             for c in &made {
-                tracing::debug!("squares {:.3} {:?}", worth(c, &at, &at.left), self.names(&c.fit));
+                tracing::debug!(
+                    "squares {:.3} {:?}",
+                    worth(c, &at, &at.left),
+                    self.names(&c.fit)
+                );
             }
             self.squares.extend(made.iter().map(|c| c.fit.clone()));
             made.retain(|c| worth(c, &at, &at.left) < 0.0);
@@ -166,11 +173,8 @@ impl Search<'_> {
                 .into_iter()
                 .filter_map(|c| Some((self.by_others(&c)?, c)));
             let next = by_others.min_by(|a, b| {
-                let [a, b] = [&a.0, &b.0].map(|c| {
-                    predicted
-                        .as_ref()
-                        .map_or(0.0, |p| worth(c, &at, &p.left))
-                });
+                let [a, b] = [&a.0, &b.0]
+                    .map(|c| predicted.as_ref().map_or(0.0, |p| worth(c, &at, &p.left)));
                 a.total_cmp(&b)
             });
             let better = next.filter(|(by_others, _)| {
@@ -184,9 +188,7 @@ impl Search<'_> {
             predicted = Some(by_others);
             at = in_sample;
         }
-        self.raise_floor(&pooled(&at.left));
         self.predicting = predicted;
-        self.rescore();
         let small = Cell {
             size: BEGIN[0],
             correlation: 1,
@@ -196,18 +198,6 @@ impl Search<'_> {
             .map(|f| (f.terms, f.point, Cells::of([small; 6])))
             .collect();
         self.fit_in_time(jobs, AS_GIVEN);
-    }
-
-    /// Sets the floor of the noise by what the best model leaves.
-    fn raise_floor(&mut self, left: &Rms) {
-        let share = self.options.floor_share;
-        let over_tolerance = self.options.floor_over_tolerance;
-        let tolerance = &self.problem.body.tolerance;
-        self.problem.noises.floor_sd = PerChannel::from_fn(|c| {
-            let asked = (share * left[c]).max(over_tolerance * tolerance[c]);
-            if left[c].is_finite() { asked } else { 0.0 }
-        });
-        tracing::debug!("floor {:?}", self.problem.noises.floor_sd.by_name());
     }
 
     /// Where the likeliest model leaves a random force that matters, and the model that explains most of the simulation
@@ -237,7 +227,13 @@ impl Search<'_> {
                 self.names(&rival.fit),
                 pooled(&rival.left).by_name()
             );
-            if worth > 0.0 {
+            let is_table = |t: &usize| self.problem.body.candidates[*t].is_table();
+            let asked = match rival.fit.terms.iter().any(is_table) {
+                // A table stands only where no laws predict as well.
+                true => 0.0,
+                false => MOST,
+            };
+            if worth > asked {
                 return;
             }
         }

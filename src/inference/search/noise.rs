@@ -1,11 +1,20 @@
 //! The noise during a search: estimated anew beside better models, and asked whether its slow part is misfit.
 
+use hydroline_core::run::PerChannel;
+
 use super::Search;
 use crate::fit::{Effort, Fit};
 use crate::hyper::Noises;
 use crate::noise::estimate;
 
 impl Search<'_> {
+    /// Sets the floor of the noise: a share of what is tolerated.
+    pub(super) fn set_floor(&mut self) {
+        let tolerance = &self.problem.body.tolerance;
+        let share = self.options.floor_over_tolerance;
+        self.problem.noises.floor_sd = PerChannel::from_fn(|c| share * tolerance[c]);
+    }
+
     /// Noise beside the best model; whether it changed by so much that scores have to be taken again.
     ///
     /// Residuals of a model on the way hold what it misses: with `only_less` no channel's noise becomes larger by it.
