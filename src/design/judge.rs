@@ -191,11 +191,10 @@ impl<'a> Judge<'a> {
 
     /// Precision of the numbers before any run: coefficients of similar hulls, an effect's amplitude as large as typical.
     fn with_prior(&self, information: &DMatrix<f64>) -> DMatrix<f64> {
-        let own = self.base.body.own.len();
-        let hulls = PriorTable::default().coefficient_ln.powi(-2);
+        let (own, prior) = (&self.base.body.own, PriorTable::default());
         let mut made = information.clone();
         for i in 0..made.nrows() {
-            made[(i, i)] += if i < own { hulls } else { 1.0 };
+            made[(i, i)] += own.get(i).map_or(1.0, |o| o.prior_scale(&prior).powi(-2));
         }
         made
     }

@@ -10,6 +10,7 @@ mod effects;
 mod found;
 mod giving;
 mod held_out;
+mod implausible;
 mod inputs;
 pub mod next;
 mod outside;
@@ -106,6 +107,7 @@ pub fn diagnose(
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
     let (mut found, closed) = closed(found, Options::default(), watch);
+    let mut not_offered = found.take_implausible();
     let mut account = found.account.clone();
     account.did("search of the models");
     let held = apart(held);
@@ -116,6 +118,12 @@ pub fn diagnose(
         .ok()
         .filter(|_| !held.is_empty());
     let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);
+    // What was fitted anew without a member may have another size.
+    for more in found.take_implausible() {
+        if not_offered.iter().all(|n| n.candidate != more.candidate) {
+            not_offered.push(more);
+        }
+    }
     let posterior = Posterior::new(&found);
     watch.tell("predictions");
     let mut judged = Judged::new(&found, &posterior, &closed, &held, rig, watch.limit).ok_or(
@@ -133,11 +141,14 @@ pub fn diagnose(
     verdict.given = inputs.names();
     verdict.notes.extend(inputs.notes());
     verdict.sets_looked_at = found.fits;
+    verdict.implausible = implausible::listed(&found.problem.body.candidates, &not_offered);
     let worse = gone.iter().map(|name| {
         format!("{name}: runs that were not fitted are predicted worse with it than without it: it is in no model")
     });
     verdict.notes.extend(worse);
     tell(verdict, &judged, &dofs);
+    let notes = implausible::notes(&verdict.implausible);
+    verdict.notes.extend(notes);
     if judged.is_built_up() && !account.leaves_open(watch.limit, "the effects one after the other")
     {
         verdict.ablation = judged.ablation();

@@ -45,10 +45,16 @@ pub(super) fn stretches(run: &Run) -> Option<[Run; STRETCHES]> {
     parts.iter().all(filled).then_some(parts)
 }
 
+/// Share of the farthest excursion that a turn has at least in a hull that swings.
+const TURNS: f64 = 0.3;
+/// Half periods at a log's start within which a hull that swings from its first stamp on has turned on both sides.
+const BOTH_SIDES: f64 = 2.2;
+
 /// When a log without any load was released \[s since its start\], and in which channel: a hull is pressed down and swings
 /// freely from then on. `None` = it is free from its first stamp.
 ///
-/// The largest excursion may still be held; the next turn on the other side of rest is free for certain.
+/// The largest excursion may still be held; the next turn on the other side of rest is free for certain. A hull that swings
+/// from the first stamp on was not held, whichever of its swings is the farthest. All times are told by its own period.
 pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
     if !is_decay(run) {
         return None;
@@ -82,10 +88,17 @@ pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str
         let turn = angles[crossed..back]
             .iter()
             .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-        // A log that begins within the swing is free from its start. And it swings on: a hull that only came to rest at
-        // another place was not released.
+        // It swings on: a hull that only came to rest at another place was not released.
+        let back_s = angles.get(back)?.0;
+        let half_s = back_s - angles[crossed].0;
+        let is_turn = |a: &(f64, f64)| beyond(a) && a.1.abs() > TURNS * excursion.abs();
+        let swings_at_first = angles[..farthest]
+            .iter()
+            .take_while(|a| a.0 - first_s <= BOTH_SIDES * half_s)
+            .any(is_turn);
+        // A log that begins within the swing is free from its start.
         let swing_s = turn.0 - at_s;
-        (at_s - first_s > swing_s && back < angles.len() && turn.1.abs() > 0.3 * excursion.abs())
+        (at_s - first_s > swing_s && is_turn(turn) && !swings_at_first)
             .then(|| (turn.0, channel.name()))
     })
 }
@@ -128,6 +141,51 @@ mod tests {
         // Half a period after it was released, pi / 2.2 s.
         assert!((at_s - 9.42).abs() < 0.06, "{at_s}");
         assert_eq!(channel, "phi_rad");
+    }
+
+    /// Forty samples per period, with the angle of each as a function of time in periods.
+    fn at_period(period_s: f64, periods: u32, angle: impl Fn(f64) -> f64) -> Run {
+        let samples = (0..40 * periods).map(|k| {
+            let at = f64::from(k) / 40.0;
+            let mut values = PerChannel::NAN;
+            values[Channel::Phi] = angle(at);
+            Sample {
+                t_s: period_s * at,
+                values,
+                covariance: None,
+            }
+        });
+        Run {
+            samples: samples.collect(),
+            ..Run::default()
+        }
+    }
+
+    /// One that swings at .1 Hz was cut by a third, since its third swing went a little farther than its first.
+    #[test]
+    fn a_hull_that_swings_from_the_first_stamp_stays_whole_at_any_period() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let turn = std::f64::consts::TAU;
+        for period_s in [10.0, 1.0] {
+            for phase in [0.0, 0.25, 0.6, 0.9] {
+                let swinging = at_period(period_s, 6, |at| {
+                    let farther = if (2.0..3.0).contains(&at) { 1.1 } else { 1.0 };
+                    0.12 * farther * (-0.02 * at).exp() * (turn * (at + phase)).cos()
+                });
+                let released = release_instant(&swinging, &rig);
+                assert_eq!(released, None, "{period_s} s, phase {phase}");
+            }
+            // At rest, pressed, held and released, all in periods of its own.
+            let held = at_period(period_s, 12, |at| match at {
+                t if t < 2.0 => 0.0,
+                t if t < 3.0 => 0.15 * (t - 2.0),
+                t if t < 4.0 => 0.15,
+                t => 0.15 * (-0.05 * (t - 4.0)).exp() * (turn * (t - 4.0)).cos(),
+            });
+            let (at_s, _) = release_instant(&held, &rig).unwrap();
+            let released = at_s / period_s;
+            assert!((released - 4.5).abs() < 0.06, "{period_s} s: {released}");
+        }
     }
 
     #[test]

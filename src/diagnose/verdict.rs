@@ -2,6 +2,7 @@
 
 mod contradiction;
 mod effect;
+mod implausible;
 mod mismatch;
 mod prediction;
 mod truncated;
@@ -10,6 +11,7 @@ mod vehicle;
 
 pub use contradiction::Contradiction;
 pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
+pub use implausible::Implausible;
 pub use mismatch::{DataFault, NoiseFound, Test, Where};
 pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
 pub use truncated::{Truncated, TruncatedBy};
@@ -97,6 +99,9 @@ pub struct Verdict {
     /// Every effect with a probability of a hundredth and more, listed above or not.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub candidates: Vec<Candidate>,
+    /// Effects that are not offered, since their size would have to be implausible for this vehicle; likeliest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub implausible: Vec<Implausible>,
     /// Where the mismatch acts.
     #[serde(rename = "where")]
     pub place: Where,

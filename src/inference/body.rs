@@ -13,6 +13,7 @@ use hydroline_sim::single::Line;
 use super::filter::Response;
 use super::prior::{Density, PriorTable, Scale};
 use super::recording::{Recorded, Recording};
+use super::size::Size;
 use super::term::Candidate;
 
 /// Directions per pass.
@@ -23,6 +24,8 @@ const WIDTHS: [usize; 4] = [6, 8, 12, 16];
 pub enum Own {
     /// One of the eighteen, by its ratio to the rig's.
     Coefficient(Coefficient, f64),
+    /// One of the eighteen of which the rig says 0, linear, in a unit on the vehicle's scale. It damps or adds mass, or is 0.
+    Unsaid(Coefficient, f64),
     /// Restoring moment (GM), by its ratio to the rig's.
     Restoring(f64),
     /// Hydrostatic stiffness, by its place in [`Vehicle::stiffness`] and its ratio to the rig's.
@@ -42,23 +45,86 @@ impl Own {
     /// Name in files.
     pub fn name(&self) -> &'static str {
         match self {
-            Own::Coefficient(c, _) => c.key(),
+            Own::Coefficient(c, _) | Own::Unsaid(c, _) => c.key(),
             Own::Restoring(_) => "restoring_nm",
             Own::Stiffness(place, _) => STIFFNESSES[*place],
             Own::NetWeight(_) => "net_weight_n",
         }
     }
 
+    /// The coefficient, of one of the eighteen.
+    pub fn coefficient(&self) -> Option<Coefficient> {
+        match self {
+            Own::Coefficient(c, _) | Own::Unsaid(c, _) => Some(*c),
+            Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => None,
+        }
+    }
+
+    /// Whether the rig knows the number.
+    pub fn is_said(&self) -> bool {
+        !matches!(self, Own::Unsaid(..))
+    }
+
     /// Number that a scaled one is a ratio to: the rig's, or what stands for it where the rig says 0.
     pub fn unit(&self) -> f64 {
         match self {
             Own::Coefficient(_, unit)
+            | Own::Unsaid(_, unit)
             | Own::Restoring(unit)
             | Own::Stiffness(_, unit)
             | Own::NetWeight(unit) => *unit,
         }
     }
+
+    /// Natural number and its derivative by the scaled one, which is 0 where a fit begins.
+    pub fn natural(&self, scaled: f64) -> (f64, f64) {
+        let unit = self.unit();
+        match self {
+            // The sum leaves no -0 in a rig.
+            Own::Unsaid(..) => (0.0 + unit * scaled, unit),
+            _ => (unit * scaled.exp(), unit * scaled.exp()),
+        }
+    }
+
+    /// The scaled number of a natural one; `None` where that has the other sign.
+    pub fn scaled(&self, natural: f64) -> Option<f64> {
+        let ratio = natural / self.unit();
+        match self {
+            Own::Unsaid(..) => Some(ratio).filter(|r| *r >= 0.0),
+            _ => Some(ratio.ln()).filter(|_| ratio > 0.0),
+        }
+    }
+
+    /// Scale of the scaled number's prior.
+    pub fn prior_scale(&self, prior: &PriorTable) -> f64 {
+        match self {
+            Own::Unsaid(..) => 1.0,
+            _ => prior.coefficient_ln,
+        }
+    }
+
+    /// Prior density of the scaled number. That of a coefficient of which the rig says 0 is largest there.
+    fn density(&self, prior: &PriorTable) -> Density {
+        Density::Student {
+            centre: 0.0,
+            scale: self.prior_scale(prior),
+            freedom: 2.0,
+        }
+    }
+
+    /// Limits of the scaled number.
+    fn bounds(&self) -> (f64, f64) {
+        match self {
+            // Beyond 0 it would drive the vehicle, or take mass from it.
+            Own::Unsaid(..) => (0.0, REACH),
+            // A coefficient a hundred times the rig's or a hundredth of it is none that this rig's model can be asked for.
+            _ => (-REACH.ln(), REACH.ln()),
+        }
+    }
 }
+
+/// Ratio to the unit up to which a number is looked for.
+const REACH: f64 = 100.0;
 
 /// Runs, vehicle and candidate terms that models are fitted with.
 #[derive(Debug, Clone)]
@@ -89,6 +155,8 @@ pub struct Body {
     pub prior: PriorTable,
     /// Linearised response per DOF to a force per unit of mass.
     pub responses: [Response; 6],
+    /// Size of the vehicle by which an effect's size is held for possible.
+    pub bearable: Size,
     /// Largest tolerable rms per channel.
     pub tolerance: PerChannel<f64>,
     /// Longest step of the integration \[s\].
@@ -193,12 +261,8 @@ impl Body {
 
     /// Prior density of every number.
     pub fn densities(&self, terms: &[usize]) -> Vec<Density> {
-        let own = Density::Student {
-            centre: 0.0,
-            scale: self.prior.coefficient_ln,
-            freedom: 2.0,
-        };
-        let mut all = vec![own; self.own.len()];
+        let own = self.own.iter().map(|own| own.density(&self.prior));
+        let mut all: Vec<Density> = own.collect();
         for t in terms {
             all.extend(self.candidates[*t].scales.iter().map(|s| s.density));
         }
@@ -217,9 +281,7 @@ impl Body {
 
     /// Limits of every scaled number.
     pub fn bounds(&self, terms: &[usize]) -> Vec<(f64, f64)> {
-        // A coefficient a hundred times the rig's or a hundredth of it is none that this rig's model can be asked for.
-        let reach = 100f64.ln();
-        let mut all = vec![(-reach, reach); self.own.len()];
+        let mut all: Vec<(f64, f64)> = self.own.iter().map(Own::bounds).collect();
         for t in terms {
             all.extend(self.candidates[*t].scales.iter().map(Scale::bounds));
         }
@@ -234,10 +296,7 @@ impl Body {
     pub fn natural(&self, terms: &[usize], point: &[f64]) -> Vec<(f64, f64)> {
         let places = self.places(terms);
         let mut all = Vec::with_capacity(point.len());
-        for (own, v) in self.own.iter().zip(point) {
-            let value = own.unit() * v.exp();
-            all.push((value, value));
-        }
+        all.extend(self.own.iter().zip(point).map(|(own, v)| own.natural(*v)));
         for (t, at) in terms.iter().zip(&places) {
             let scales = self.candidates[*t].scales.iter();
             all.extend(scales.zip(&point[*at..]).map(|(s, v)| s.natural(*v)));

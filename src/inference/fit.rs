@@ -141,6 +141,15 @@ impl Descent<'_> {
             .0
     }
 
+    /// Numbers at a limit that the likelihood would move beyond it: they stay there for a step.
+    fn held(&self, gradient: &DVector<f64>) -> Vec<usize> {
+        let is_held = |i: &usize| {
+            let (v, (low, high), slope) = (self.at[*i], self.bounds[*i], gradient[*i]);
+            (v <= low && slope < 0.0) || (v >= high && slope > 0.0)
+        };
+        (0..self.at.len()).filter(is_held).collect()
+    }
+
     /// Down to the mode under these cells; `None` where the model gives no finite motion.
     fn run(&mut self, cells: &Cells) -> Option<()> {
         let Problem {
@@ -160,6 +169,13 @@ impl Descent<'_> {
             for i in 0..self.at.len() {
                 damped[(i, i)] *= 1.0 + damping;
             }
+            let mut uphill = gradient.clone();
+            for i in self.held(&gradient) {
+                damped.fill_row(i, 0.0);
+                damped.fill_column(i, 0.0);
+                damped[(i, i)] = 1.0;
+                uphill[i] = 0.0;
+            }
             let Some(root) = Cholesky::new(damped) else {
                 damping = (damping * 10.0_f64).max(1e-6);
                 failed += 1;
@@ -168,8 +184,8 @@ impl Descent<'_> {
                 }
                 continue;
             };
-            let move_by = root.solve(&gradient);
-            let predicted = 0.5 * move_by.dot(&gradient);
+            let move_by = root.solve(&uphill);
+            let predicted = 0.5 * move_by.dot(&uphill);
             let moved = self.at.iter().zip(move_by.iter()).zip(&self.bounds);
             let tried: Point = moved
                 .map(|((v, d), (low, high))| (v + d).clamp(*low, *high))

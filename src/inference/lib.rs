@@ -31,6 +31,7 @@ pub mod limit;
 pub mod noise;
 pub mod number_prior;
 pub mod planned;
+pub mod plausible;
 pub mod posterior;
 pub mod predicted_gain;
 pub mod prediction;

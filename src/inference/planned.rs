@@ -86,7 +86,7 @@ impl Problem {
         })
     }
 
-    /// Information about the vehicle's own numbers (scaled: logarithms of their ratios to the rig's) and, behind them, the
+    /// Information about the vehicle's own numbers (scaled: logarithms of their ratios to the rig's, where it says them) and, behind them, the
     /// amplitudes of these effects in units of their typical size, from the run of a [`Problem::planned`]. `None` where the
     /// motion is not finite.
     pub fn expected(&self, effects: &[Typical]) -> Option<DMatrix<f64>> {

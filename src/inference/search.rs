@@ -200,6 +200,9 @@ impl Search<'_> {
                 *v = match own {
                     Own::Coefficient(c, _) if c.term == Term::Added => inertia.ln(),
                     Own::Coefficient(..) => damping.ln(),
+                    // Where the rig says 0 there is no factor: none, or as much as is usual.
+                    Own::Unsaid(c, _) if c.term == Term::Added => f64::from(inertia > 1.0),
+                    Own::Unsaid(..) => f64::from(damping > 1.0),
                     Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => 0.0,
                 };
             }

@@ -3,7 +3,12 @@
 //! The library's plausible ranges (theory/physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
 //! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in what its
 //! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
-//! hull that rings for minutes has a large one and little damping. Times, ratios and lengths stay.
+//! hull that rings for minutes has a large one and little damping. What couples two rates is counted in the mass. Times,
+//! ratios and lengths stay.
+//!
+//! A load over a speed is never taken smaller than the library's: it goes by pressure times area, and a hull that is fast
+//! for what drives it has no smaller fins for that. By its thrust of 41 N at 1.2 m/s a ship model of 3.3 t had a twelfth of
+//! the library's, and its rudder four times as much as was plausible.
 
 use hydroline_core::run::Channel;
 use hydroline_numerics::statistics::extent;
@@ -16,6 +21,12 @@ use super::recording::Recording;
 const LOADS: [f64; 6] = [8.0, 10.0, 12.0, 0.6, 0.8, 0.7];
 /// Speeds under them \[m/s, rad/s\].
 const SPEED: f64 = 0.15;
+/// Masses with the water that they move, SNAME order \[kg, kg m2\]: the paper's vehicle.
+const MASSES: [f64; 6] = [279.8, 349.8, 389.8, 4.73, 14.4, 12.1];
+/// Swing to one side \[rad, m\].
+const SWING: f64 = 0.4;
+/// Unit of the coefficient of a product of two rates: another one for each choice of its words.
+const COUPLING: &str = "SI";
 /// Up to this many of these loads the sizes serve as they are. Small loads do not make a vehicle small.
 const ALIKE: f64 = 5.0;
 
@@ -28,6 +39,28 @@ pub struct Size {
     stiffness: [f64; 6],
     /// Factor of speeds.
     speed: [f64; 6],
+    /// Factor of masses.
+    mass: [f64; 6],
+    /// Factor of what a stiffness is over a swing: the library's swing over the vehicle's.
+    over_swing: [f64; 6],
+    /// Whether the loads of a DOF are known.
+    is_known: [bool; 6],
+}
+
+/// Swing to one side in each DOF \[rad, m\].
+fn swings(recording: &Recording) -> [f64; 6] {
+    std::array::from_fn(|d| {
+        let both = recording.runs.iter().map(|r| {
+            let (low, high) = extent(r.seen(Channel::POSES[d]));
+            (high - low).max(0.0)
+        });
+        0.5 * both.fold(0.0, f64::max)
+    })
+}
+
+/// Drag of a hull at its fastest \[N, N m\].
+fn drag(h: &Hydrodynamics<f64>, dof: usize, fastest: f64) -> f64 {
+    (h.linear[dof] + h.quadratic[dof] * fastest).abs() * fastest
 }
 
 impl Size {
@@ -36,6 +69,9 @@ impl Size {
         load: [1.0; 6],
         stiffness: [1.0; 6],
         speed: [1.0; 6],
+        mass: [1.0; 6],
+        over_swing: [1.0; 6],
+        is_known: [true; 6],
     };
 
     /// Of a hull in a recording: by the loads commanded, where there are none by the drag at its fastest, and by the
@@ -49,39 +85,75 @@ impl Size {
         fastest: &[f64; 6],
     ) -> Size {
         let mut made = Size::USUAL;
+        let (swings, mass) = (swings(recording), h.mass());
         for d in 0..6 {
-            let swing = recording.runs.iter().map(|r| {
-                let (low, high) = extent(r.seen(Channel::POSES[d]));
-                (high - low).max(0.0)
-            });
-            let righting = 0.5 * h.stiffness(d).abs() * swing.fold(0.0, f64::max);
-            let drag = (h.linear[d] + h.quadratic[d] * fastest[d]).abs() * fastest[d];
-            let beyond =
-                |load_n: f64| Some(load_n / LOADS[d]).filter(|f| *f > ALIKE && f.is_finite());
+            let righting = h.stiffness(d).abs() * swings[d];
+            let large = |factor: f64| Some(factor).filter(|f| *f > ALIKE && f.is_finite());
+            let beyond = |load_n: f64| large(load_n / LOADS[d]);
             let speed = fastest[d] / SPEED;
             // A rig's drag may be off by five; what was commanded is known.
             let driven = if commanded[d] > 0.0 {
                 commanded[d]
             } else {
-                drag
+                drag(h, d, fastest[d])
             };
             if let Some(load) = beyond(driven).filter(|_| speed > 0.0) {
                 made.load[d] = load;
                 made.speed[d] = speed;
             }
             made.stiffness[d] = beyond(righting).unwrap_or(1.0).max(made.load[d]);
+            made.mass[d] = large(mass[d] / MASSES[d]).unwrap_or(1.0);
         }
         made
+    }
+
+    /// The same by which a size is held for possible or not: in proportion from the library's own on, and never smaller; a
+    /// righting moment is a load like any other, and what a stiffness gains by the angle may be as large as it at any swing.
+    pub fn bearable(
+        recording: &Recording,
+        h: &Hydrodynamics<f64>,
+        commanded: &[f64; 6],
+        fastest: &[f64; 6],
+    ) -> Size {
+        let mut made = Size::USUAL;
+        let (swings, mass) = (swings(recording), h.mass());
+        for d in 0..6 {
+            let righting = h.stiffness(d).abs() * swings[d];
+            let driven = if commanded[d] > 0.0 {
+                commanded[d]
+            } else {
+                drag(h, d, fastest[d])
+            };
+            made.is_known[d] = commanded[d] > 0.0 || righting > 0.0;
+            made.load[d] = (driven.max(righting) / LOADS[d]).max(1.0);
+            made.stiffness[d] = made.load[d];
+            made.speed[d] = (fastest[d] / SPEED).max(1.0);
+            made.mass[d] = (mass[d] / MASSES[d]).max(1.0);
+            if swings[d] > 0.0 {
+                made.over_swing[d] = (SWING / swings[d]).max(1.0);
+            }
+        }
+        made
+    }
+
+    /// Plausible range of a parameter; `None` where it is a load and no load of its DOF is known.
+    pub fn plausible(&self, p: &ParameterInfo, dof: usize) -> Option<(f64, f64)> {
+        let is_load = powers(p.unit).is_some_and(|(load, _)| load != 0);
+        (!is_load || self.is_known[dof]).then(|| self.sized(p, dof).plausible)
     }
 
     /// A parameter with its plausible range, and what a search begins from, at the size of a DOF.
     pub fn sized(&self, p: &ParameterInfo, dof: usize) -> ParameterInfo {
         let (load, speed) = powers(p.unit).unwrap_or((0, 0));
+        let proportion = self.load[dof].powi(load) * self.speed[dof].powi(-speed);
         let factor = match (load, speed) {
-            (1, 0) if p.unit.split(" (").next().is_some_and(|u| u.contains('/')) => {
-                self.stiffness[dof]
-            }
-            _ => self.load[dof].powi(load) * self.speed[dof].powi(-speed),
+            _ if p.unit == COUPLING => self.mass[dof],
+            (1, 0) => over_length(p.unit).map_or(proportion, |power| {
+                self.stiffness[dof] * self.over_swing[dof].powi(power)
+            }),
+            (1, _) if p.unit.starts_with("kg") => proportion.max(self.mass[dof]),
+            (1, _) => proportion.max(1.0),
+            _ => proportion,
         };
         let scaled = |v: f64| (v * factor).clamp(p.limits.0, p.limits.1);
         ParameterInfo {
@@ -90,6 +162,14 @@ impl Size {
             ..*p
         }
     }
+}
+
+/// Power of the length or angle that a load's unit is over; `None` = over none.
+fn over_length(unit: &str) -> Option<i32> {
+    let first = unit.split(" (").next().unwrap_or(unit);
+    let (_, under) = first.split_once('/')?;
+    let power = under.chars().find_map(|c| c.to_digit(10)).unwrap_or(1);
+    i32::try_from(power).ok()
 }
 
 /// Power of load and of 1 / speed in a unit: `N s2/m2` is a load over a speed squared, and so is `kg`, which is `N s2/m`.
@@ -172,13 +252,13 @@ mod tests {
     /// An effect in `kg` kept a small vehicle's size in a large one, and nothing said so.
     #[test]
     fn every_unit_of_the_library_scales_or_is_said_to_stay() {
-        // Of pictures and stamps; `SI` is another one for each choice of the effect's words, with a range that is wide for any.
-        const STAY: [&str; 5] = ["grey level", "px", "Hz", "1e-6", "SI"];
+        // Of pictures and stamps.
+        const STAY: [&str; 4] = ["grey level", "px", "Hz", "1e-6"];
         // A law written from data is searched within no range.
         for info in ALL.iter().filter(|i| !i.is_written()) {
             for p in info.parameters {
                 assert!(
-                    powers(p.unit).is_some() || STAY.contains(&p.unit),
+                    powers(p.unit).is_some() || p.unit == COUPLING || STAY.contains(&p.unit),
                     "{}: `{}` is in \"{}\": write its unit in N, kg, m, rad and s (theory/priors.md, vehicles of another size), or \
                      list it here if its range is the same for every vehicle",
                     info.id,
@@ -189,17 +269,76 @@ mod tests {
         }
     }
 
+    fn parameter(effect: &str, name: &str) -> ParameterInfo {
+        let info = ALL.iter().find(|i| i.id == effect).unwrap();
+        *info.parameters.iter().find(|p| p.name == name).unwrap()
+    }
+
+    /// No motion, which loads and rates stand beside.
+    fn nothing() -> Recording {
+        Recording {
+            runs: Vec::new(),
+            channels: PerChannel::splat(false),
+        }
+    }
+
+    /// Its rudder, 45 to 50 N s2/(m2 rad2), lay three times beyond the range.
+    #[test]
+    fn the_rudder_of_a_ship_model_of_three_tonnes_is_plausible() {
+        let mut rig = Rig::builtin("lshpi").unwrap();
+        rig.vehicle.mass_kg = 3300.0;
+        rig.vehicle.inertia_kgm2 = [400.0, 10_000.0, 10_000.0];
+        for (own, share) in rig.vehicle.coefficients.iter_mut().zip([0.05, 0.9, 1.0]) {
+            own.added = -share * 3300.0;
+        }
+        let surge = &mut rig.vehicle.coefficients[0];
+        (surge.linear, surge.quadratic) = (-1.0, -20.0);
+        let h: Hydrodynamics<f64> = Hydrodynamics::new(&rig.vehicle);
+        let (lift, drag) = (parameter("fin_force", "c1"), parameter("fin_force", "c2"));
+        // Its thrust through the zigzags; just too small to be beyond what the library's sizes serve for, and well beyond.
+        for thrust_n in [51.0, 39.0, 120.0] {
+            let commanded = [thrust_n, 0.0, 0.0, 0.0, 0.0, 0.0];
+            let fastest = [1.18, 0.3, 0.0, 0.0, 0.0, 0.03];
+            let ship = Size::of(&nothing(), &h, &commanded, &fastest);
+            let bearable = Size::bearable(&nothing(), &h, &commanded, &fastest);
+            for c in [lift, drag] {
+                let (low, high) = ship.sized(&c, 0).plausible;
+                assert!(low < -50.0 && high > 50.0, "{thrust_n} N: {low} .. {high}");
+                // At 20 degrees of rudder no more than some of what drives it.
+                assert!(high * 1.18_f64.powi(2) * 0.349_f64.powi(2) < 2.0 * thrust_n);
+                assert!(bearable.plausible(&c, 0).unwrap().1 >= high);
+            }
+            // What couples sway and turn goes by the mass.
+            let coupling = parameter("cross_flow_coupling", "c");
+            assert!(ship.sized(&coupling, 0).plausible.1 > 500.0);
+            // Of sway no load is known.
+            assert_eq!(bearable.plausible(&lift, 1), None);
+            let lag = parameter("thruster_lag", "lag_s");
+            assert_eq!(bearable.plausible(&lag, 1), Some(lag.plausible));
+        }
+    }
+
+    #[test]
+    fn what_is_possible_goes_by_the_loads_from_the_librarys_own_on() {
+        let h: Hydrodynamics<f64> = Hydrodynamics::new(&Rig::builtin("lshpi").unwrap().vehicle);
+        let friction = parameter("coulomb_friction", "f_n");
+        let far_end = |commanded_n: f64| {
+            let commanded = [commanded_n, 0.0, 0.0, 0.0, 0.0, 0.0];
+            let size = Size::bearable(&nothing(), &h, &commanded, &[0.1; 6]);
+            size.plausible(&friction, 0).unwrap().1
+        };
+        assert_eq!(far_end(2.0), friction.plausible.1);
+        assert_eq!(far_end(8.0), friction.plausible.1);
+        // A cart that 30 N push: nothing of it is scaled in the prior.
+        assert!((far_end(30.0) / friction.plausible.1 - 3.75).abs() < 1e-9);
+    }
+
     /// A ship model of a tonne rolled, and its restoring moment could not be other than linear.
     #[test]
     fn a_ship_has_its_own_sizes_and_a_tank_run_the_librarys() {
-        let k3 = ALL.iter().find(|i| i.id == "nonlinear_restoring").unwrap();
-        let k3 = k3.parameters[0];
+        let k3 = parameter("nonlinear_restoring", "k3_nmprad3");
         let h: Hydrodynamics<f64> = Hydrodynamics::new(&Rig::builtin("lshpi").unwrap().vehicle);
-        let nothing = Recording {
-            runs: Vec::new(),
-            channels: PerChannel::splat(false),
-        };
-        let tank = Size::of(&nothing, &h, &[8.0, 0.0, 0.0, 0.5, 0.0, 0.0], &[0.1; 6]);
+        let tank = Size::of(&nothing(), &h, &[8.0, 0.0, 0.0, 0.5, 0.0, 0.0], &[0.1; 6]);
         assert_eq!(tank.sized(&k3, 3), k3);
         let rolled = |angle: f64| {
             let mut values = PerChannel::NAN;
@@ -221,11 +360,7 @@ mod tests {
         assert!(sized.plausible.0 < -1000.0 && sized.plausible.1 > 1000.0);
         assert_eq!(ship.sized(&k3, 4), k3);
         // It swings freely: nothing says that it has much damping.
-        let d3 = ALL
-            .iter()
-            .find(|i| i.id == "cubic_damping")
-            .unwrap()
-            .parameters[0];
+        let d3 = parameter("cubic_damping", "d3");
         assert_eq!(ship.sized(&d3, 3), d3);
     }
 }

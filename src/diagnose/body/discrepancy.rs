@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use hydroline_core::run::{Channel, PerChannel};
+use hydroline_identify::parameter::Term;
 use hydroline_inference::fit::Fit;
 use hydroline_inference::hyper::SIZES;
 use hydroline_inference::posterior::UNNAMED;
@@ -231,6 +232,26 @@ impl Judged<'_> {
         })
     }
 
+    /// Mass of a DOF with the added mass of the likeliest model \[kg, kg m2\].
+    fn mass(&self, dof: usize) -> f64 {
+        let body = &self.found.problem.body;
+        let mut h: Hydrodynamics<f64> = Hydrodynamics::new(&body.vehicle);
+        let natural = body.natural(&self.best.terms, &self.best.point);
+        for (own, (value, _)) in body.own.iter().zip(natural) {
+            if let Some(c) = own.coefficient().filter(|c| c.term == Term::Added) {
+                h.added[c.dof.index()] = value;
+            }
+        }
+        h.mass()[dof]
+    }
+
+    /// Largest load commanded in a DOF \[N, N m\].
+    fn largest_load(&self, dof: usize) -> f64 {
+        let runs = self.found.problem.body.recording.runs.iter();
+        let loads = runs.flat_map(|r| &r.commands).map(|c| c.1[dof].abs());
+        loads.fold(0.0, f64::max)
+    }
+
     fn at_random(&self, dof: usize) -> Unexplained {
         let body = &self.found.problem.body;
         let cell = self.best.cells.misfit[dof];
@@ -240,8 +261,12 @@ impl Judged<'_> {
         let name = Dof::ALL[dof].name();
         let unit = if dof < 3 { "N" } else { "N m" };
         let force = self.found.problem.worth.force(dof, cell);
-        let h: Hydrodynamics<f64> = Hydrodynamics::new(&body.vehicle);
-        let size = force.sd_mps2 * h.mass()[dof];
+        let size = force.sd_mps2 * self.mass(dof);
+        let largest = self.largest_load(dof);
+        let beyond = match largest > 0.0 && size > largest {
+            true => format!(", larger than the largest load commanded ({largest:.3} {unit})"),
+            false => String::new(),
+        };
         let p = self.unnamed_in(dof);
         Unexplained {
             channel: channel.name().to_owned(),
@@ -249,7 +274,7 @@ impl Judged<'_> {
             depends_on: Some("time".to_owned()),
             force: Some(size),
             term: format!(
-                "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s",
+                "something without a name acts in {name} (probability {p:.3}): as a random force of sd {size:.3} {unit} that changes within {} s{beyond}",
                 force.correlation_s
             ),
             log_bayes_factor: Some(self.ln_odds(dof)),

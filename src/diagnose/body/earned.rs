@@ -149,9 +149,8 @@ impl Judged<'_> {
                 .sd
                 .map_or(f64::INFINITY, |sd| (sd / number.value).abs());
             // Of what the rig says nothing there is no factor.
-            let known = self.is_said(own)
-                && factor.ln().abs() > FAR_OFF.ln()
-                && sd < 0.5 * factor.ln().abs();
+            let known =
+                own.is_said() && factor.ln().abs() > FAR_OFF.ln() && sd < 0.5 * factor.ln().abs();
             if known || self.is_at_limit(i, bounds[i]) {
                 let value = Value {
                     value: factor,
@@ -163,18 +162,10 @@ impl Judged<'_> {
         made
     }
 
-    /// Whether the rig knows a number.
-    fn is_said(&self, own: &Own) -> bool {
-        match own {
-            Own::Coefficient(c, _) => c.of_vehicle(&self.found.problem.body.vehicle) != 0.0,
-            Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => true,
-        }
-    }
-
-    /// Whether one of the vehicle's numbers is as far off as is looked. Damping that the rig does not know and that is as
-    /// good as none is at no limit: a hull may have none of that power.
+    /// Whether one of the vehicle's numbers is as far off as is looked. One of which the rig says 0 and that is none is at no
+    /// limit.
     fn is_at_limit(&self, place: usize, (low, high): (f64, f64)) -> bool {
-        let said = self.is_said(&self.found.problem.body.own[place]);
+        let said = self.found.problem.body.own[place].is_said();
         let at = self.best.point[place];
         (at <= AT_LIMIT * low && said) || at >= AT_LIMIT * high
     }
@@ -188,7 +179,7 @@ impl Judged<'_> {
         (0..body.own.len()).any(|i| self.is_at_limit(i, bounds[i]) && !none(i))
     }
 
-    /// Whether a damping coefficient is as small as is looked.
+    /// Whether a damping coefficient that the rig has is as small as is looked.
     fn is_no_damping(&self, place: usize, (low, _): (f64, f64)) -> bool {
         let own = &self.found.problem.body.own[place];
         let damping = matches!(own, Own::Coefficient(c, _) if c.term != Term::Added);

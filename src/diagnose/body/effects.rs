@@ -68,14 +68,14 @@ fn mixed(all: &[(f64, BTreeMap<String, Value>)]) -> BTreeMap<String, Value> {
     first.keys().map(|name| (name.clone(), of(name))).collect()
 }
 
-fn words(c: &Candidate) -> BTreeMap<String, String> {
+pub fn words(c: &Candidate) -> BTreeMap<String, String> {
     let each = c.info.words.iter().zip(&c.words);
     each.filter_map(|(w, i)| Some((w.name.to_owned(), (*w.allowed.get(*i)?).to_owned())))
         .collect()
 }
 
 /// The DOF that an effect's words name.
-fn place(c: &Candidate) -> Option<String> {
+pub fn place(c: &Candidate) -> Option<String> {
     c.place().map(str::to_owned)
 }
 
@@ -382,7 +382,7 @@ impl Judged<'_> {
         let mut coefficients = Vec::new();
         for (i, (own, (value, _))) in body.own.iter().zip(&natural).enumerate() {
             match own {
-                Own::Coefficient(c, _) => coefficients.push((i, *c, *value)),
+                Own::Coefficient(c, _) | Own::Unsaid(c, _) => coefficients.push((i, *c, *value)),
                 Own::Restoring(_) => {
                     let weight_n = rig.vehicle.mass_kg * rig.vehicle.gravity_mps2;
                     rig.vehicle.r_bz_m = value / weight_n;

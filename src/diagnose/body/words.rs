@@ -66,7 +66,8 @@ fn moved(v: &Verdict) -> String {
             let before = v.parameters.before.get(name)?;
             let share = (before.value - after.value).abs() / after.value.abs();
             let known = (before.value - after.value).abs() > 2.0 * after.sd?;
-            (known && share > MOVED).then(|| format!("{name} by {:.0} %", 100.0 * share))
+            (known && share > MOVED && share.is_finite())
+                .then(|| format!("{name} by {:.0} %", 100.0 * share))
         })
         .collect();
     match each.is_empty() {

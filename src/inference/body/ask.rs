@@ -22,7 +22,7 @@ use crate::term::{Candidate, Ground, Ranges, candidates, tables};
 const STEP_MAX_S: f64 = 0.05;
 /// Step over the time constant of the vehicle's fastest motion: RK4's error of a decay is then below 1e-6 per step.
 const STEP_SHARE: f64 = 0.25;
-/// Scale of a coefficient of which the rig says 0, over that of Table 9's range.
+/// Scale of a coefficient of which the rig says 0, over the spread of Table 9's range for a vehicle of that mass.
 const UNSAID: f64 = 0.1;
 /// Samples over which a rate is taken where none is measured: noise does not count then.
 const SPAN: usize = 10;
@@ -223,12 +223,11 @@ fn free_at_start(recording: &Recording, r: &Recorded, dofs: &[usize]) -> Vec<Cha
 /// A coefficient as it is fitted.
 fn coefficient(c: Coefficient, rig: &Rig) -> Own {
     let said = c.of_vehicle(&rig.vehicle);
-    let unit = if said == 0.0 {
-        -UNSAID * c.prior_sd(rig)
+    if said == 0.0 {
+        Own::Unsaid(c, -UNSAID * c.size(rig))
     } else {
-        said
-    };
-    Own::Coefficient(c, unit)
+        Own::Coefficient(c, said)
+    }
 }
 
 /// Stiffnesses of the water and net weight, where the rig says that there are any and the DOF moves freely.
@@ -346,6 +345,7 @@ impl Body {
             size: Size::of(&recording, &h, &extents.load, &extents.rate),
             vehicle: &rig.vehicle,
         };
+        let bearable = Size::bearable(&recording, &h, &extents.load, &extents.rate);
         let candidates = match asked {
             Asked::All => {
                 let mut all = candidates(&ground, &base);
@@ -377,6 +377,7 @@ impl Body {
             lines: begins.lines,
             prior,
             responses,
+            bearable,
             tolerance: rig.tolerance.channels(),
             step_max_s: STEP_MAX_S.min(STEP_SHARE / quickest.max(1e-9)).max(0.005),
         })

@@ -22,7 +22,7 @@ impl Body {
         let mut h: Hydrodynamics<T> = Hydrodynamics::new(&self.vehicle);
         for (own, value) in self.own.iter().zip(natural) {
             match own {
-                Own::Coefficient(c, _) => {
+                Own::Coefficient(c, _) | Own::Unsaid(c, _) => {
                     let place = match c.term {
                         CoefficientTerm::Added => &mut h.added,
                         CoefficientTerm::Linear => &mut h.linear,

@@ -8,7 +8,6 @@
 //! and takes it where it is likelier than the best model of the library.
 
 use hydroline_core::run::{Channel, PerChannel, Run};
-use hydroline_inference::body::Own;
 use hydroline_inference::fit::{Effort, Fit, Problem};
 use hydroline_inference::hyper::{Cell, Cells};
 use hydroline_inference::prior::PriorTable;
@@ -109,10 +108,9 @@ fn candidate(problem: &Problem, entry: &PhysicsEntry) -> Option<(usize, Vec<f64>
 fn bare(problem: &Problem, case: &Case) -> Fit {
     let mut point = problem.body.begin();
     for (own, v) in problem.body.own.iter().zip(&mut point) {
-        if let Own::Coefficient(c, unit) = own {
-            let ratio = c.of_vehicle(&case.key.tank.vehicle) / unit;
-            *v = if ratio > 0.0 { ratio.ln() } else { *v };
-        }
+        let there = own.coefficient();
+        let there = there.map(|c| c.of_vehicle(&case.key.tank.vehicle));
+        *v = there.and_then(|value| own.scaled(value)).unwrap_or(*v);
     }
     Fit::begin(point, Cells::of([QUIET; 6]))
 }

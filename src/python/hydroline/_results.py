@@ -127,6 +127,11 @@ class Diagnosis(Result):
         return list(self._fields.get("contradicted_by", []))
 
     @property
+    def implausible(self) -> List[Dict[str, Any]]:
+        """Effects not offered for their size: ``effect``, ``dof``, ``parameter``, ``value``, ``plausible``, ``probability``."""
+        return list(self._fields.get("implausible", []))
+
+    @property
     def data_faults(self) -> List[Dict[str, Any]]:
         """Faults of the data."""
         return list(self._fields["data_faults"])
