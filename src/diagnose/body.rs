@@ -36,6 +36,7 @@ use giving::Asking;
 use hydroline_core::run::{Channel, Run};
 use hydroline_identify::data::{is_still, memory_s};
 use hydroline_identify::stretched;
+use hydroline_inference::by_prediction::decide_by_prediction;
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::limit::Watch;
@@ -44,6 +45,9 @@ use hydroline_inference::recording::Recording;
 use hydroline_inference::search::Options;
 use inputs::Inputs;
 use unearned::take_out_unearned;
+
+/// Note where the simulation error decides.
+const BY_SQUARES: &str = "decided by the simulation error: a random force or a table would follow these runs as well, and predicts runs that were not fitted worse; probabilities count as many samples as are independent";
 
 /// Work on the next run that a limit leaves open.
 const NEXT_RUN: &str = "the plan of the next run";
@@ -111,12 +115,10 @@ pub fn diagnose(
     let mut account = found.account.clone();
     account.did("search of the models");
     let held = apart(held);
+    let over = found.problem.over(&held, rig).ok();
+    let over = over.filter(|_| !held.is_empty());
+    let is_by_squares = decide_by_prediction(&mut found, over.as_ref(), watch);
     watch.tell("members that predict worse");
-    let over = found
-        .problem
-        .over(&held, rig)
-        .ok()
-        .filter(|_| !held.is_empty());
     let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);
     // What was fitted anew without a member may have another size.
     for more in found.take_implausible() {
@@ -146,6 +148,9 @@ pub fn diagnose(
         format!("{name}: runs that were not fitted are predicted worse with it than without it: it is in no model")
     });
     verdict.notes.extend(worse);
+    if is_by_squares {
+        verdict.notes.push(BY_SQUARES.to_owned());
+    }
     tell(verdict, &judged, &dofs);
     let notes = implausible::notes(&verdict.implausible);
     verdict.notes.extend(notes);

@@ -20,6 +20,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod body;
+pub mod by_prediction;
 pub mod closed;
 pub mod coarse;
 mod equations;

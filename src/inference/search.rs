@@ -4,7 +4,6 @@
 //! Occam's window is not (Madigan and Raftery 1994). Every model is scored by the same function. A limit ends the loop
 //! between two steps, and changes nothing in their order (`limited`).
 
-mod coarse;
 mod limited;
 mod noise;
 mod proposals;
@@ -384,7 +383,6 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
     if !search.gives_up() && !search.leaves_open("noise that is correlated for a shorter time") {
         search.with_shorter_noise(options.cost / 3);
     }
-    search.decide_by_prediction();
     Some(search.found())
 }
 

@@ -1,0 +1,335 @@
+//! Decision by the simulation error, where the likeliest model leaves a random force that matters, or follows what is left by
+//! a table: the force says how accelerations scatter, and nothing of the motion.
+//!
+//! From the vehicle alone to what explains most of the simulation error, as a person looks first: no random force, noise of
+//! the size of the misfit, which comes down as laws join; laws and pairs of laws, each of which has to predict the runs left
+//! out. Where these laws predict better than the likeliest model does, they and their rivals are scored by the simulation
+//! error alone, with as many samples as are independent (a coarsened posterior, Miller and Dunson 2019, JASA 114).
+
+use std::collections::BTreeMap;
+
+use hydroline_core::run::{Channel, PerChannel};
+use hydroline_numerics::{cancel, parallel};
+
+use super::body::Point;
+use super::fit::{Fit, Problem};
+use super::hyper::Tables;
+use super::limit::Watch;
+use super::posterior::{Posterior, UNNAMED, above_tolerance};
+use super::predicted_gain::PredictedGain;
+use super::predicted_gain::pair::PredictedPair;
+use super::search::Found;
+use super::summary::Rms;
+
+/// Laws, or pairs of laws, that join one after the other at most.
+const JOINS: usize = 5;
+/// Laws fitted beside each model.
+const SINGLES: usize = 4;
+/// Pairs of laws fitted beside each model.
+const PAIRS: usize = 3;
+/// Laws fitted in each member's place.
+const EXCHANGES: usize = 1;
+/// Gain in log likelihood below which a predicted gain is not worth a fit.
+const SMALLEST_GAIN: f64 = 3.0;
+/// Shares of the predicted numbers from which two laws are fitted: far from everything the linear view overshoots.
+const SHARES: [f64; 2] = [1.0, 0.4];
+/// Decrease of a misfit's logarithm that each law must bring.
+const WORTH: f64 = 0.1;
+/// Models that the runs left out choose from, of each turn.
+const KEPT: usize = 2;
+/// Logarithm of the share of a rival's misfit that is left where a model explains most of it: half.
+const MOST: f64 = -std::f64::consts::LN_2;
+/// Misfit over the instruments' noise up to which nothing is left to explain.
+const AT_NOISE: f64 = 1.15;
+
+/// A model by least squares, with what it leaves of each run: of those that it is fitted to, or of those it has not seen.
+#[derive(Debug, Clone)]
+struct Coarse {
+    fit: Fit,
+    left: Vec<Rms>,
+}
+
+/// Mean over runs and channels of a misfit's logarithm over that of another.
+fn beside(left: &[Rms], other: &[Rms]) -> f64 {
+    let each = left.iter().zip(other);
+    let each = each.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a / b).ln()));
+    let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
+    each.iter().sum::<f64>() / each.len().max(1) as f64
+}
+
+/// rms over runs per channel.
+fn pooled(left: &[Rms]) -> Rms {
+    PerChannel::from_fn(|c| {
+        let each = left.iter().map(|l| l[c]).filter(|v| v.is_finite());
+        let squares: Vec<f64> = each.map(|v| v * v).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    })
+}
+
+impl Coarse {
+    /// Misfit beside another's, with what each law more must be worth; below 0 = better.
+    fn worth(&self, than: &Fit, left: &[Rms]) -> f64 {
+        let laws = self.fit.terms.len() as f64 - than.terms.len() as f64;
+        beside(&self.left, left) + WORTH * laws
+    }
+}
+
+/// Points from which a model is fitted; the best of them counts.
+type Job = (Vec<usize>, Vec<Point>);
+
+impl Problem {
+    /// Least-squares fits with what they leave of the runs that they are fitted to.
+    fn coarse_fits(&self, jobs: Vec<Job>) -> Vec<Coarse> {
+        let made = parallel::map_owned(jobs, |(terms, from)| {
+            let each = from.iter().filter_map(|from| {
+                cancel::check();
+                let fit = self.least_squares(&terms, from, &Tables::new())?;
+                let left = self.left_by_run(&self.predicted(&fit.terms, &fit.point));
+                Some(Coarse { fit, left })
+            });
+            let each: Vec<Coarse> = each.collect();
+            let first = each.first()?.left.clone();
+            let size = |c: &Coarse| beside(&c.left, &first);
+            each.into_iter().min_by(|a, b| size(a).total_cmp(&size(b)))
+        });
+        made.into_iter().flatten().collect()
+    }
+
+    /// The same models with what they leave of runs that they have not seen: each run as the others predict it.
+    fn unseen_by_squares(&self, of: &Fit) -> Option<Coarse> {
+        Some(Coarse {
+            left: self.left_by_others(of)?,
+            fit: of.clone(),
+        })
+    }
+
+    fn is_explained(&self, left: &Rms) -> bool {
+        Channel::ALL.into_iter().all(|c| {
+            let noise = self.noises.channels[c].map(|n| n.total_sd());
+            noise.is_none_or(|sd| left[c].is_nan() || left[c] < AT_NOISE * sd)
+        })
+    }
+
+    /// Laws, pairs of laws and exchanges worth a fit beside a model.
+    fn coarse_proposals(&self, fit: &Fit) -> Vec<Job> {
+        let coarse = self.coarse(&self.left(&fit.terms, &fit.point));
+        let gains = coarse.predicted_gains(fit);
+        // The vehicle's own coefficients are fitted anyway.
+        let is_law = |candidate: usize| !self.body.candidates[candidate].own;
+        let worth = |p: &&PredictedGain| p.gain > SMALLEST_GAIN && is_law(p.candidate);
+        let alone = || gains.iter().filter(worth).filter(|p| p.instead.is_none());
+        let mut jobs: Vec<Job> = alone()
+            .take(SINGLES)
+            .map(|p| {
+                let (terms, point) = self.with(fit, p.candidate, &p.numbers);
+                (terms, vec![point])
+            })
+            .collect();
+        for member in 0..fit.terms.len() {
+            let instead = gains.iter().filter(worth);
+            let instead = instead.filter(|p| p.instead == Some(member));
+            for p in instead.take(EXCHANGES) {
+                let (terms, point) = self.without(fit, member);
+                let smaller = Fit {
+                    terms,
+                    point,
+                    ..fit.clone()
+                };
+                let (terms, point) = self.with(&smaller, p.candidate, &p.numbers);
+                jobs.push((terms, vec![point]));
+            }
+        }
+        let best = alone().next().map(|p| p.candidate);
+        let holds_best = |p: &&PredictedPair| p.members.iter().any(|m| Some(m.0) == best);
+        let pairs = coarse.predicted_pairs(fit);
+        let needed = |p: &&PredictedPair| {
+            p.members.iter().all(|m| is_law(m.0)) && p.gain > p.better_alone + SMALLEST_GAIN
+        };
+        // Those with the best law come in the next turn anyway: the other pairs do without it.
+        let (with, without): (Vec<_>, Vec<_>) = pairs.iter().filter(needed).partition(holds_best);
+        let chosen = with.into_iter().take(1);
+        for p in chosen.chain(without.into_iter().take(PAIRS - 1)) {
+            jobs.push(self.with_both(fit, p));
+        }
+        jobs
+    }
+
+    /// A model with both laws of a pair.
+    fn with_both(&self, fit: &Fit, pair: &PredictedPair) -> Job {
+        let mut made = (Vec::new(), Vec::new());
+        for share in SHARES {
+            let mut both = fit.clone();
+            for (candidate, numbers) in &pair.members {
+                let of = &self.body.candidates[*candidate];
+                let numbers = of.at_share(numbers, of.stretched(), share);
+                (both.terms, both.point) = self.with(&both, *candidate, &numbers);
+            }
+            made.0 = both.terms;
+            made.1.push(both.point);
+        }
+        made
+    }
+
+    /// Of the models that explain most of the simulation error the one that predicts the runs left out best, with all models
+    /// on the way.
+    fn explained_most(&self, alone: &Fit, watch: Watch<'_>) -> Option<(Coarse, Vec<Fit>)> {
+        let from = vec![self.body.begin(), alone.point.clone()];
+        let mut at = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
+        let mut all = vec![at.fit.clone()];
+        let mut unseen = self.unseen_by_squares(&at.fit)?;
+        for _ in 0..JOINS {
+            if self.is_explained(&pooled(&at.left)) {
+                break;
+            }
+            watch.tell(&format!(
+                "simulation error, beside {} law(s)",
+                at.fit.terms.len()
+            ));
+            let mut made = self.coarse_fits(self.coarse_proposals(&at.fit));
+            all.extend(made.iter().map(|c| c.fit.clone()));
+            let worth = |c: &Coarse| c.worth(&at.fit, &at.left);
+            made.retain(|c| worth(c) < 0.0);
+            made.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
+            made.truncate(KEPT);
+            let tried = made.into_iter().filter_map(|c| {
+                let by_others = self.unseen_by_squares(&c.fit)?;
+                Some((by_others.worth(&unseen.fit, &unseen.left), by_others, c))
+            });
+            let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, by_others, in_sample)) = best.filter(|b| b.0 < 0.0) else {
+                break;
+            };
+            tracing::debug!(
+                "{:?} by squares leaves {:?}",
+                self.names(&in_sample.fit),
+                pooled(&by_others.left).by_name()
+            );
+            (unseen, at) = (by_others, in_sample);
+        }
+        Some((unseen, all))
+    }
+
+    fn names(&self, fit: &Fit) -> Vec<String> {
+        let each = fit.terms.iter();
+        each.map(|t| self.body.candidates[*t].name()).collect()
+    }
+
+    /// What a model leaves of runs held out.
+    fn left_of_held(&self, held: &Problem, fit: &Fit) -> Option<Vec<Rms>> {
+        let coarse = held.coarse(&self.left(&fit.terms, &fit.point));
+        let point = coarse.with_starts(&fit.terms, &fit.point)?;
+        Some(held.left_by_run(&held.predicted(&fit.terms, &point)))
+    }
+}
+
+/// Whether the likeliest model may follow anything: a random force that matters, or a table.
+fn swallows(problem: &Problem, best: &Fit) -> bool {
+    let all = &problem.body.candidates;
+    let mut dofs = problem.body.dofs.iter();
+    dofs.any(|d| above_tolerance(best, *d) >= UNNAMED)
+        || best.terms.iter().any(|t| all[*t].is_table())
+}
+
+/// Models by the simulation error in place of those found, where they predict better; `held` = runs held out. Whether they do.
+pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Watch<'_>) -> bool {
+    let posterior = Posterior::new(found);
+    let likeliest = posterior.models.first();
+    let best = likeliest.and_then(|m| found.models.get(&m.0));
+    let (Some(best), Some(alone)) = (best, found.models.get(&Vec::new())) else {
+        return false;
+    };
+    let problem = &found.problem;
+    if !swallows(problem, best) {
+        return false;
+    }
+    let Some((laws, all)) = problem.explained_most(alone, watch) else {
+        return false;
+    };
+    if laws.fit.terms.is_empty() {
+        return false;
+    }
+    let rival = problem.least_squares(&best.terms, &best.point, &best.cells.tables);
+    if let Some(rival) = &rival
+        && !problem.is_predicted_better(&laws, rival, held)
+    {
+        return false;
+    }
+    let Some((coarse, models)) = problem.coarsened(&laws, all, rival) else {
+        return false;
+    };
+    found.fits += models.len();
+    found.problem = coarse;
+    found.models = models;
+    true
+}
+
+impl Problem {
+    /// Whether laws predict runs that were not seen better than a rival does: the runs held out where there are any, and those
+    /// left out else. A table has to be matched, for it stands only where no laws predict as well; where a random force
+    /// stands, most of the misfit has to go.
+    fn is_predicted_better(&self, laws: &Coarse, rival: &Fit, held: Option<&Problem>) -> bool {
+        let both = match held {
+            Some(held) => self
+                .left_of_held(held, &laws.fit)
+                .zip(self.left_of_held(held, rival)),
+            None => Some(laws.left.clone()).zip(self.left_by_others(rival)),
+        };
+        // A rival of which there is no finite motion predicts nothing.
+        let Some((left, of_rival)) = both else {
+            return true;
+        };
+        let is_table = |t: &usize| self.body.candidates[*t].is_table();
+        let asked = match rival.terms.iter().any(is_table) {
+            true => 0.0,
+            false => MOST,
+        };
+        let worth = beside(&left, &of_rival);
+        tracing::debug!(
+            "{:?} against {:?} on runs not seen: {worth:.3}",
+            self.names(&laws.fit),
+            self.names(rival)
+        );
+        worth < asked
+    }
+
+    /// Models scored by the simulation error under noise as large as what the laws leave of the runs that others predict,
+    /// counted as often as that is independent.
+    fn coarsened(
+        &self,
+        laws: &Coarse,
+        mut asked: Vec<Fit>,
+        rival: Option<Fit>,
+    ) -> Option<(Problem, BTreeMap<Vec<usize>, Fit>)> {
+        let (count, samples) = (self.independent_samples(&laws.fit), self.samples());
+        let left = pooled(&laws.left);
+        let mut coarse = self.clone();
+        coarse.noises.has_force = false;
+        coarse.noises.floor_sd = PerChannel::from_fn(|c| {
+            let sd = left[c] * (samples[c] / count[c]).sqrt();
+            if sd.is_finite() { sd } else { 0.0 }
+        });
+        asked.extend(rival);
+        for member in 0..laws.fit.terms.len() {
+            let (terms, point) = self.without(&laws.fit, member);
+            asked.push(Fit {
+                terms,
+                point,
+                ..laws.fit.clone()
+            });
+        }
+        let made = parallel::map_owned(asked, |fit| {
+            cancel::check();
+            coarse.scored_by_squares(&fit)
+        });
+        let mut models: BTreeMap<Vec<usize>, Fit> = BTreeMap::new();
+        for fit in made.into_iter().flatten() {
+            tracing::debug!("{:.1} by squares {:?}", fit.ln_score, self.names(&fit));
+            let known = models.get(&fit.terms);
+            if known.is_none_or(|old| old.ln_score < fit.ln_score) {
+                models.insert(fit.terms.clone(), fit);
+            }
+        }
+        let is_whole = models.contains_key(&Vec::new()) && models.contains_key(&laws.fit.terms);
+        is_whole.then_some((coarse, models))
+    }
+}
