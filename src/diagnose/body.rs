@@ -46,6 +46,9 @@ use hydroline_inference::search::Options;
 use inputs::Inputs;
 use unearned::take_out_unearned;
 
+/// Faults of a channel that does not change.
+const STANDING: [&str; 2] = ["dead_channel", "stuck_channel"];
+
 /// Note where the simulation error decides.
 const BY_SQUARES: &str = "decided by the simulation error: a random force or a table would follow these runs as well, and predicts runs that were not fitted worse; probabilities count as many samples as are independent";
 
@@ -88,8 +91,8 @@ pub fn diagnose(
         let channel = Channel::named(&fault.channel);
         channel.is_none_or(|c| {
             let dof = c.dof().index();
-            // A given speed that is constant is an input like any other.
-            let is_given = asked.contains(&dof) && fault.fault == "dead_channel";
+            // A given motion that is constant, for a while or throughout, is an input like any other.
+            let is_given = asked.contains(&dof) && STANDING.contains(&fault.fault.as_str());
             dofs.contains(&dof) && !is_given
         })
     };

@@ -6,7 +6,7 @@
 //! out. Where these laws predict better than the likeliest model does, they and their rivals are scored by the simulation
 //! error alone, with as many samples as are independent (a coarsened posterior, Miller and Dunson 2019, JASA 114).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::{cancel, parallel};
@@ -35,8 +35,8 @@ const SMALLEST_GAIN: f64 = 3.0;
 const SHARES: [f64; 2] = [1.0, 0.4];
 /// Decrease of a misfit's logarithm that each law must bring.
 const WORTH: f64 = 0.1;
-/// Models that the runs left out choose from, of each turn.
-const KEPT: usize = 2;
+/// Models of each turn that the runs left out choose from, and that the next one begins beside.
+const FRONT: usize = 3;
 /// Logarithm of the share of a rival's misfit that is left where a model explains most of it: half.
 const MOST: f64 = -std::f64::consts::LN_2;
 /// Misfit over the instruments' noise up to which nothing is left to explain.
@@ -174,39 +174,46 @@ impl Problem {
     /// on the way.
     fn explained_most(&self, alone: &Fit, watch: Watch<'_>) -> Option<(Coarse, Vec<Fit>)> {
         let from = vec![self.body.begin(), alone.point.clone()];
-        let mut at = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
-        let mut all = vec![at.fit.clone()];
-        let mut unseen = self.unseen_by_squares(&at.fit)?;
-        for _ in 0..JOINS {
-            if self.is_explained(&pooled(&at.left)) {
+        let alone = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
+        let mut all = vec![alone.fit.clone()];
+        let mut best = self.unseen_by_squares(&alone.fit)?;
+        let mut front = vec![alone.clone()];
+        let mut visited: BTreeSet<Vec<usize>> = BTreeSet::new();
+        for turn in 0..JOINS {
+            if front.iter().any(|c| self.is_explained(&pooled(&c.left))) {
                 break;
             }
-            watch.tell(&format!(
-                "simulation error, beside {} law(s)",
-                at.fit.terms.len()
-            ));
-            let mut made = self.coarse_fits(self.coarse_proposals(&at.fit));
+            watch.tell(&format!("simulation error, turn {}", turn + 1));
+            let jobs = front.iter().flat_map(|c| self.coarse_proposals(&c.fit));
+            let jobs: Vec<Job> = jobs.filter(|j| visited.insert(j.0.clone())).collect();
+            let mut made = self.coarse_fits(jobs);
             all.extend(made.iter().map(|c| c.fit.clone()));
-            let worth = |c: &Coarse| c.worth(&at.fit, &at.left);
+            let worth = |c: &Coarse| c.worth(&alone.fit, &alone.left);
             made.retain(|c| worth(c) < 0.0);
             made.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
-            made.truncate(KEPT);
-            let tried = made.into_iter().filter_map(|c| {
-                let by_others = self.unseen_by_squares(&c.fit)?;
-                Some((by_others.worth(&unseen.fit, &unseen.left), by_others, c))
+            made.truncate(FRONT);
+            for c in &made {
+                tracing::debug!("by squares {:.3} {:?}", worth(c), self.names(&c.fit));
+            }
+            let tried = made.iter().filter_map(|c| {
+                let unseen = self.unseen_by_squares(&c.fit)?;
+                Some((unseen.worth(&best.fit, &best.left), unseen))
             });
-            let best = tried.min_by(|a, b| a.0.total_cmp(&b.0));
-            let Some((_, by_others, in_sample)) = best.filter(|b| b.0 < 0.0) else {
-                break;
-            };
+            let next = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+            front = made;
+            match next.filter(|n| n.0 < 0.0) {
+                Some((_, unseen)) => best = unseen,
+                // One law alone may gain nothing where two need each other.
+                None if turn == 0 && !front.is_empty() => (),
+                None => break,
+            }
             tracing::debug!(
-                "{:?} by squares leaves {:?}",
-                self.names(&in_sample.fit),
-                pooled(&by_others.left).by_name()
+                "{:?} leaves {:?} of runs not seen",
+                self.names(&best.fit),
+                pooled(&best.left).by_name()
             );
-            (unseen, at) = (by_others, in_sample);
         }
-        Some((unseen, all))
+        Some((best, all))
     }
 
     fn names(&self, fit: &Fit) -> Vec<String> {
