@@ -54,7 +54,7 @@ const BOTH_SIDES: f64 = 2.2;
 /// freely from then on. `None` = it is free from its first stamp.
 ///
 /// The largest excursion may still be held; the next turn on the other side of rest is free for certain. A hull that swings
-/// from the first stamp on was not held, whichever of its swings is the farthest. All times are told by its own period.
+/// from the first stamp on was not held, whichever of its swings is the farthest. All times scale with its own period.
 pub(super) fn release_instant(run: &Run, rig: &Rig) -> Option<(f64, &'static str)> {
     if !is_decay(run) {
         return None;

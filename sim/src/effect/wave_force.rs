@@ -99,8 +99,8 @@ impl<T: Real> Law<T> for Wave<T> {
             return;
         }
         let height_m = m.companion(WAVE);
-        let [rise_mps, bend_mps2] = m.companion_slopes(WAVE);
-        let excited = self.a_npm * height_m + self.b_nspm * rise_mps + self.c_kg * bend_mps2;
+        let [rise_mps, second_mps2] = m.companion_slopes(WAVE);
+        let excited = self.a_npm * height_m + self.b_nspm * rise_mps + self.c_kg * second_mps2;
         force[self.dof] = force[self.dof] + excited + self.d_npm2 * own[0];
     }
 

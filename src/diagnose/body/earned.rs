@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::parameter::Term;
 use hydroline_inference::body::Own;
+use hydroline_inference::prediction::Prediction;
 use hydroline_numerics::statistics::{chi2_above, ljung_box};
 
 use super::found::Judged;
@@ -196,10 +197,14 @@ impl Judged<'_> {
             .collect()
     }
 
-    /// Whether runs are predicted worse by the others than by the vehicle alone.
+    /// Whether runs are predicted worse by the others than by the vehicle alone, both by least squares and beside a random
+    /// force: with the band that this leaves, a law that one run alone shows is not worse.
     pub fn predicts_worse(&self) -> bool {
         let problem = &self.found.problem;
-        let predicted = self.one_run_out.as_ref();
-        predicted.is_some_and(|p| problem.predicts_worse(&p.after, &p.before))
+        let Some(predicted) = &self.one_run_out else {
+            return false;
+        };
+        let is_worse = |than: &Prediction| problem.predicts_worse(&predicted.after, than);
+        is_worse(&predicted.before) && self.alone_run_out.as_ref().is_none_or(is_worse)
     }
 }

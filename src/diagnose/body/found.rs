@@ -91,6 +91,8 @@ pub struct Judged<'a> {
     pub contradicted_by: Vec<Contradiction>,
     /// Each run as the others predict it; `None` of one run alone, and where the limit was over before.
     pub one_run_out: Option<Predicted>,
+    /// The same by the vehicle alone beside a random force, with the band that it leaves.
+    pub alone_run_out: Option<Prediction>,
     /// Residuals of the likeliest model, channel by channel.
     pub left: Vec<Left>,
     /// Unnamed forces that were written down.
@@ -140,6 +142,10 @@ impl<'a> Judged<'a> {
                 Predicted::new(problem, predict, &alone, best)
             })
             .flatten();
+        let beside_force = found.models.get(&Vec::new())?;
+        let alone_run_out = one_run_out
+            .as_ref()
+            .and_then(|_| problem.one_run_out_within(beside_force, limit));
         let is_held = !held.is_empty();
         let held = is_held
             .then(|| {
@@ -160,6 +166,7 @@ impl<'a> Judged<'a> {
             held,
             contradicted_by: Vec::new(),
             one_run_out,
+            alone_run_out,
             left: Vec::new(),
             unexplained: Vec::new(),
             written: best.clone(),

@@ -195,7 +195,7 @@ mod tests {
 
     /// A model that misses a swing by a little all the time hid the carriage's stop: one window held the whole run.
     #[test]
-    fn a_stop_is_told_from_a_swing_that_is_missed_all_the_time() {
+    fn a_stop_is_distinguished_from_a_swing_that_is_missed_all_the_time() {
         let found = of(5.0, 30.0).unwrap();
         assert_eq!(found.all.len(), 1, "{found:?}");
         let [from_s, to_s] = found.all[0].span_s;
