@@ -158,7 +158,10 @@ mod tests {
             let [before, here, after] = [t - h, t, t + h].map(|t| curve.at(t));
             assert!((first - (after - before) / (2.0 * h)).abs() < 1e-6, "{t}");
             let curvature = (after - 2.0 * here + before) / (h * h);
-            assert!((second - curvature).abs() < 1e-5, "{t}: {second} {curvature}");
+            assert!(
+                (second - curvature).abs() < 1e-5,
+                "{t}: {second} {curvature}"
+            );
         }
         assert_eq!([curve.slopes_at(-1.0), curve.slopes_at(2.0)], [[0.0; 2]; 2]);
         assert_eq!(Curve::constant(3.0).slopes_at(0.5), [0.0; 2]);

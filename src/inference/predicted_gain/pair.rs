@@ -47,30 +47,34 @@ impl Problem {
             .collect();
         let responses = parallel::map_slice(&asked, |&c| {
             let candidate = &self.body.candidates[c];
-            let each = candidate.starts.iter().enumerate().filter_map(|(s, start)| {
-                cancel::check();
-                let (terms, point) = self.with(fit, c, start);
-                let response = minus(self.predicted(&terms, &point), &here)?;
-                let products = self.products(&view, &response)?;
-                let own: f64 = products.white.values().map(|w| dot(w, w)).sum();
-                let (part, solved) = view.whole.solve(&products.with_columns);
-                let size = own - part.dot(&solved);
-                if size < SEEN * own || size <= 0.0 {
-                    return None;
-                }
-                let along = products.with_residual - solved.dot(&view.whole.gradient);
-                let share = self.share(c, start, along / size);
-                Some(Response {
-                    candidate: c,
-                    start: s,
-                    products,
-                    solved,
-                    part,
-                    along,
-                    size,
-                    alone: share * along - 0.5 * share * share * size,
-                })
-            });
+            let each = candidate
+                .starts
+                .iter()
+                .enumerate()
+                .filter_map(|(s, start)| {
+                    cancel::check();
+                    let (terms, point) = self.with(fit, c, start);
+                    let response = minus(self.predicted(&terms, &point), &here)?;
+                    let products = self.products(&view, &response)?;
+                    let own: f64 = products.white.values().map(|w| dot(w, w)).sum();
+                    let (part, solved) = view.whole.solve(&products.with_columns);
+                    let size = own - part.dot(&solved);
+                    if size < SEEN * own || size <= 0.0 {
+                        return None;
+                    }
+                    let along = products.with_residual - solved.dot(&view.whole.gradient);
+                    let share = self.share(c, start, along / size);
+                    Some(Response {
+                        candidate: c,
+                        start: s,
+                        products,
+                        solved,
+                        part,
+                        along,
+                        size,
+                        alone: share * along - 0.5 * share * share * size,
+                    })
+                });
             let mut each: Vec<Response> = each.collect();
             each.sort_by(|a, b| b.alone.total_cmp(&a.alone));
             each.truncate(STARTS);
@@ -85,10 +89,7 @@ impl Problem {
             // Of each other candidate the better point.
             let mut best: Vec<PredictedPair> = Vec::new();
             for p in pairs {
-                match best
-                    .iter_mut()
-                    .find(|b| b.members[1].0 == p.members[1].0)
-                {
+                match best.iter_mut().find(|b| b.members[1].0 == p.members[1].0) {
                     Some(b) if b.gain >= p.gain => (),
                     Some(b) => *b = p,
                     None => best.push(p),
