@@ -332,7 +332,7 @@ fn take_back(sound: &[[bool; 2]], used: &mut [[bool; 2]]) {
 }
 
 /// Marks samples whose innovation is too large, the largest of each neighbourhood first.
-fn reject(pairs: &[[f64; 2]], used: &mut Vec<[bool; 2]>, filter: impl Fn(&[[bool; 2]]) -> Filter) {
+fn reject(pairs: &[[f64; 2]], used: &mut [[bool; 2]], filter: impl Fn(&[[bool; 2]]) -> Filter) {
     for _ in 0..8 {
         let mut series: Vec<[f64; 2]> = pairs
             .iter()

@@ -16,7 +16,7 @@ STAGES = {
     "poses": ("pose", ["replay"], ".mcap"),
     "calibrations": ("calibration", ["calibrate"], ".toml"),
     "identifications": ("identification", ["identify"], None),
-    "verdicts": ("verdict", ["diagnose", "--time-limit", "none"], None),
+    "verdicts": ("verdict", ["diagnose"], None),
 }
 
 
