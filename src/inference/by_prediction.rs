@@ -340,3 +340,6 @@ impl Problem {
         is_whole.then_some((coarse, models))
     }
 }
+
+#[cfg(test)]
+mod tests;

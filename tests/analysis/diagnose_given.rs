@@ -344,6 +344,31 @@ fn the_tanker_lacks_its_sideways_speed_and_its_rudder() {
     }
 }
 
+/// 50 s of each, x and u: a random force of 63 N explained everything, and the rudder nothing.
+#[test]
+#[ignore = "minutes of processor time: tests/nightly"]
+fn the_tankers_rudder_is_named_from_position_and_speed() {
+    let window = |stem: &str| -> Option<Source> {
+        let mut whole = zigzag(stem, 1)?;
+        whole.run = whole.run.window(0.0, 50.0);
+        Some(whole)
+    };
+    let (Some(a), Some(b)) = (window("Z_10_05"), window("Z_20_05")) else {
+        return;
+    };
+    let (Some(c), Some(d)) = (zigzag("Z_15_05", 1), zigzag("Z_20_10_S", 1)) else {
+        return;
+    };
+    let rig = tanker(VehicleModel::Eq1);
+    let asked = [Dof::Sway, Dof::Yaw];
+    let watch = Watch::unlimited(&|_| {});
+    let found = diagnose_beside(&[a, b], &[c, d], &rig, &given(&asked), watch);
+    let v = found.unwrap().verdict;
+    show(&v);
+    assert!(probability(&v, "fin_force") > 0.95, "{}", v.sentence);
+    assert!(v.fit.held_out.after["u_mps"] < 9e-3, "{:?}", v.fit.held_out);
+}
+
 /// The columns as they are labelled stop the diagnosis, with words that say what they are.
 #[test]
 fn the_tankers_mislabelled_columns_are_reported() {
