@@ -351,7 +351,14 @@ mod tests {
         };
         let command = |k: u32| Command {
             t_s: 0.5 * period_s * f64::from(k),
-            wrench: [if k.is_multiple_of(2) { 4.0 } else { -4.0 }, 0.0, 0.0, 0.0, 0.0, 0.0],
+            wrench: [
+                if k.is_multiple_of(2) { 4.0 } else { -4.0 },
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+            ],
         };
         let halves = (80.0 / period_s) as u32;
         let run = Run {
