@@ -195,14 +195,14 @@ impl Problem {
             for c in &made {
                 tracing::debug!("by squares {:.3} {:?}", worth(c), self.names(&c.fit));
             }
-            let tried = made.iter().filter_map(|c| {
+            // The one that explains most of those that predict better than before.
+            let next = made.iter().find_map(|c| {
                 let unseen = self.unseen_by_squares(&c.fit)?;
-                Some((unseen.worth(&best.fit, &best.left), unseen))
+                (unseen.worth(&best.fit, &best.left) < 0.0).then_some(unseen)
             });
-            let next = tried.min_by(|a, b| a.0.total_cmp(&b.0));
             front = made;
-            match next.filter(|n| n.0 < 0.0) {
-                Some((_, unseen)) => best = unseen,
+            match next {
+                Some(unseen) => best = unseen,
                 // One law alone may gain nothing where two need each other.
                 None if turn == 0 && !front.is_empty() => (),
                 None => break,
