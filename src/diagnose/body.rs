@@ -118,8 +118,10 @@ pub fn diagnose(
     let mut account = found.account.clone();
     account.did("search of the models");
     let held = apart(held);
-    let over = found.problem.over(&held, rig).ok();
-    let over = over.filter(|_| !held.is_empty());
+    let over = match held.is_empty() {
+        true => None,
+        false => found.problem.over(&held, rig).ok(),
+    };
     let is_by_squares = decide_by_prediction(&mut found, over.as_ref(), watch);
     watch.tell("members that predict worse");
     let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);

@@ -216,11 +216,6 @@ impl Problem {
         Some((best, all))
     }
 
-    fn names(&self, fit: &Fit) -> Vec<String> {
-        let each = fit.terms.iter();
-        each.map(|t| self.body.candidates[*t].name()).collect()
-    }
-
     /// What a model leaves of runs held out.
     fn left_of_held(&self, held: &Problem, fit: &Fit) -> Option<Vec<Rms>> {
         let coarse = held.coarse(&self.left(&fit.terms, &fit.point));

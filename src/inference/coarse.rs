@@ -31,6 +31,14 @@ const BY_SQUARES: Effort = Effort {
     ..Effort::DEFAULT
 };
 
+/// These tables, and no random force.
+fn without_force(tables: &Tables) -> Cells {
+    Cells {
+        tables: tables.clone(),
+        ..Cells::of([Cell::default(); 6])
+    }
+}
+
 impl Problem {
     /// The same runs by instruments as coarse as this: white noise in every channel, where their own is less.
     #[must_use]
@@ -55,10 +63,7 @@ impl Problem {
     /// Least squares of the motion: the point at which a model leaves least, every channel in units of what it leaves there.
     /// `tables` = sizes of its tables. Scores of such fits compare models that were fitted under one noise only.
     pub fn least_squares(&self, terms: &[usize], start: &[f64], tables: &Tables) -> Option<Fit> {
-        let cells = Cells {
-            tables: tables.clone(),
-            ..Cells::of([Cell::default(); 6])
-        };
+        let cells = without_force(tables);
         let mut left = self.left(terms, start);
         let mut coarse = self.coarse(&left);
         let mut made: Option<Fit> = None;
@@ -80,17 +85,9 @@ impl Problem {
 
     /// Every run as the others predict it, all by least squares.
     pub fn one_run_out_by_squares(&self, fit: &Fit) -> Option<Prediction> {
-        let runs = self.body.recording.runs.len();
-        let places = self.body.start_places(&fit.terms);
-        let outs: Vec<usize> = (0..runs).collect();
-        let each = parallel::map_slice(&outs, |&out| {
+        let each = parallel::map(self.body.recording.runs.len(), |out| {
             cancel::check();
-            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
-            let part = self.only(&others);
-            let mut from = fit.point[..places[0]].to_vec();
-            for r in &others {
-                from.extend(&fit.point[places[*r]..places[r + 1]]);
-            }
+            let (part, from) = self.without_run(fit, out);
             let made = part.least_squares(&fit.terms, &from, &fit.cells.tables)?;
             let sd = part.left(&made.terms, &made.point);
             self.only(&[out]).coarse(&sd).predict(&made)
@@ -114,8 +111,7 @@ impl Problem {
     }
 
     fn left_by_other_parts(&self, fit: &Fit, used: &[PerChannel<bool>]) -> Option<Vec<Rms>> {
-        let parts: Vec<usize> = (0..PARTS).collect();
-        let each = parallel::map_slice(&parts, |&part| {
+        let each = parallel::map(PARTS, |part| {
             cancel::check();
             let within = part * used.len() / PARTS..(part + 1) * used.len() / PARTS;
             let only = |inside: bool| {
@@ -177,10 +173,7 @@ impl Problem {
     /// Score of a model by the simulation error alone, under instruments that are this coarse; its numbers with the
     /// covariance that they leave.
     pub fn scored_by_squares(&self, fit: &Fit) -> Option<Fit> {
-        let cells = Cells {
-            tables: fit.cells.tables.clone(),
-            ..Cells::of([Cell::default(); 6])
-        };
+        let cells = without_force(&fit.cells.tables);
         self.fit(&fit.terms, &fit.point, cells, BY_SQUARES)
     }
 }

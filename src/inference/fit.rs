@@ -265,6 +265,12 @@ impl Problem {
         Ok(made)
     }
 
+    /// Names of a model's terms.
+    pub(super) fn names(&self, fit: &Fit) -> Vec<String> {
+        let each = fit.terms.iter();
+        each.map(|t| self.body.candidates[*t].name()).collect()
+    }
+
     fn runs(&self) -> usize {
         self.body.recording.runs.len()
     }

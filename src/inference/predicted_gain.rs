@@ -92,9 +92,32 @@ impl Left {
         (part, solved)
     }
 
+    /// A response outside of what these numbers can do; `None` where next to nothing of it is.
+    fn outside(&self, p: &Products) -> Option<Outside> {
+        let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
+        let (part, solved) = self.solve(&p.with_columns);
+        let size = own - part.dot(&solved);
+        (size >= SEEN * own && size > 0.0).then(|| Outside {
+            along: p.with_residual - solved.dot(&self.gradient),
+            part,
+            solved,
+            size,
+        })
+    }
+
     fn part(&self, with_columns: &DVector<f64>) -> DVector<f64> {
         DVector::from_iterator(self.keep.len(), self.keep.iter().map(|i| with_columns[*i]))
     }
+}
+
+/// A response outside of what a model's numbers can do already.
+struct Outside {
+    /// Its products with these numbers, and the change of them that takes it up.
+    part: DVector<f64>,
+    solved: DVector<f64>,
+    /// Products of what is outside with the residual and with itself.
+    along: f64,
+    size: f64,
 }
 
 /// A response against a view: inner products with the columns, the residual and itself.
@@ -104,7 +127,8 @@ struct Products {
     white: BTreeMap<(usize, usize), Vec<[f64; 2]>>,
 }
 
-fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+/// Inner product of two whitened series.
+pub(super) fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter()
         .zip(b)
         .map(|(a, b)| a[0] * b[0] + a[1] * b[1])
@@ -261,14 +285,16 @@ impl Problem {
                 let Some(p) = self.products(view, &response) else {
                     continue;
                 };
-                let own: f64 = p.white.values().map(|w| dot(w, w)).sum();
                 let mut offer = |left: &Left, gone: Option<(usize, &Products)>| {
-                    let (part, solved) = left.solve(&p.with_columns);
-                    let size = own - part.dot(&solved);
-                    if size < SEEN * own || size <= 0.0 {
+                    let Some(outside) = left.outside(&p) else {
                         return;
-                    }
-                    let mut along = p.with_residual - solved.dot(&left.gradient);
+                    };
+                    let Outside {
+                        mut along,
+                        size,
+                        solved,
+                        ..
+                    } = outside;
                     if let Some((_, q)) = gone {
                         // Without the member the residual is larger by what it did.
                         let each = q.white.iter();

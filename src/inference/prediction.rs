@@ -163,6 +163,18 @@ impl Problem {
         .collect()
     }
 
+    /// The problem of all runs but one, and a fit's numbers for it.
+    pub(super) fn without_run(&self, fit: &Fit, out: usize) -> (Problem, Point) {
+        let places = self.body.start_places(&fit.terms);
+        let runs = 0..self.body.recording.runs.len();
+        let others: Vec<usize> = runs.filter(|r| *r != out).collect();
+        let mut from = fit.point[..places[0]].to_vec();
+        for r in &others {
+            from.extend(&fit.point[places[*r]..places[r + 1]]);
+        }
+        (self.only(&others), from)
+    }
+
     /// Every run as the others predict it, each model fitted anew without it.
     pub fn one_run_out(&self, fit: &Fit) -> Option<Prediction> {
         self.one_run_out_within(fit, Limit::NONE)
@@ -170,19 +182,12 @@ impl Problem {
 
     /// The same; `None` as well where the limit is over before the last run.
     pub fn one_run_out_within(&self, fit: &Fit, limit: Limit) -> Option<Prediction> {
-        let runs = self.body.recording.runs.len();
-        let places = self.body.start_places(&fit.terms);
         let mut all = Prediction::default();
-        for out in 0..runs {
+        for out in 0..self.body.recording.runs.len() {
             if limit.is_over() {
                 return None;
             }
-            let others: Vec<usize> = (0..runs).filter(|r| *r != out).collect();
-            let part = self.only(&others);
-            let mut from = fit.point[..places[0]].to_vec();
-            for r in &others {
-                from.extend(&fit.point[places[*r]..places[r + 1]]);
-            }
+            let (part, from) = self.without_run(fit, out);
             let made = part.fit(&fit.terms, &from, fit.cells.clone(), Effort::default())?;
             let of = self.only(&[out]).predict(&made)?;
             all.values.extend(of.values);

@@ -17,6 +17,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::filter::{Filter, Force, draw};
 use super::fit::{Fit, Problem};
 use super::hyper::with_force;
+use super::predicted_gain::dot;
 use super::recording::Recorded;
 use super::summary::Rms;
 
@@ -43,12 +44,6 @@ pub struct Checked {
     pub band: f64,
     /// Probability of an rms as large under these errors.
     pub p_value: f64,
-}
-
-/// Inner product of two whitened series.
-fn dot(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
-    let each = a.iter().zip(b);
-    each.map(|(a, b)| a[0] * b[0] + a[1] * b[1]).sum()
 }
 
 /// A root of a covariance; `None` where one of its numbers is not finite.

@@ -229,10 +229,7 @@ impl Search<'_> {
     }
 
     fn names(&self, fit: &Fit) -> Vec<String> {
-        fit.terms
-            .iter()
-            .map(|t| self.problem.body.candidates[*t].name())
-            .collect()
+        self.problem.names(fit)
     }
 
     fn best(&self) -> Option<&Fit> {

@@ -58,6 +58,14 @@ fn swings(recording: &Recording) -> [f64; 6] {
     })
 }
 
+/// Load that drives a DOF: what is commanded, and else the drag at its fastest.
+fn driven(h: &Hydrodynamics<f64>, dof: usize, commanded: f64, fastest: f64) -> f64 {
+    match commanded > 0.0 {
+        true => commanded,
+        false => drag(h, dof, fastest),
+    }
+}
+
 /// Drag of a hull at its fastest \[N, N m\].
 fn drag(h: &Hydrodynamics<f64>, dof: usize, fastest: f64) -> f64 {
     (h.linear[dof] + h.quadratic[dof] * fastest).abs() * fastest
@@ -92,11 +100,7 @@ impl Size {
             let beyond = |load_n: f64| large(load_n / LOADS[d]);
             let speed = fastest[d] / SPEED;
             // A rig's drag may be off by five; what was commanded is known.
-            let driven = if commanded[d] > 0.0 {
-                commanded[d]
-            } else {
-                drag(h, d, fastest[d])
-            };
+            let driven = driven(h, d, commanded[d], fastest[d]);
             if let Some(load) = beyond(driven).filter(|_| speed > 0.0) {
                 made.load[d] = load;
                 made.speed[d] = speed;
@@ -119,11 +123,7 @@ impl Size {
         let (swings, mass) = (swings(recording), h.mass());
         for d in 0..6 {
             let righting = h.stiffness(d).abs() * swings[d];
-            let driven = if commanded[d] > 0.0 {
-                commanded[d]
-            } else {
-                drag(h, d, fastest[d])
-            };
+            let driven = driven(h, d, commanded[d], fastest[d]);
             made.is_known[d] = commanded[d] > 0.0 || righting > 0.0;
             made.load[d] = (driven.max(righting) / LOADS[d]).max(1.0);
             made.stiffness[d] = made.load[d];

@@ -114,7 +114,8 @@ impl<'a> Judged<'a> {
     ) -> Option<Judged<'a>> {
         let best = found.models.get(&posterior.models.first()?.0)?;
         let problem = &found.problem;
-        let alone = plain(problem, found.models.get(&Vec::new())?);
+        let beside_force = found.models.get(&Vec::new())?;
+        let alone = plain(problem, beside_force);
         let mut weights = BTreeMap::new();
         for (terms, _) in posterior
             .models
@@ -142,7 +143,6 @@ impl<'a> Judged<'a> {
                 Predicted::new(problem, predict, &alone, best)
             })
             .flatten();
-        let beside_force = found.models.get(&Vec::new())?;
         let alone_run_out = one_run_out
             .as_ref()
             .and_then(|_| problem.one_run_out_within(beside_force, limit));

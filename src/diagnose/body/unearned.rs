@@ -35,7 +35,7 @@ pub fn take_out_unearned(found: &mut Found, held: Option<&Problem>, limit: Limit
     gone
 }
 
-/// A member of the likeliest model without which runs are predicted better, with that model; the worst one.
+/// The last member of the likeliest model without which runs are predicted better, with that model.
 fn unearned(found: &Found, held: Option<&Problem>, limit: Limit) -> Option<(usize, Fit)> {
     let problem = &found.problem;
     let posterior = Posterior::new(found);

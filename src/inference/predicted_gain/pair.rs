@@ -1,9 +1,9 @@
 //! Gain of two candidates at once: laws that need each other, of which either alone gains little.
 
 use hydroline_numerics::{cancel, parallel};
-use nalgebra::{DVector, Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2};
 
-use super::{Products, SEEN, dot, minus};
+use super::{Outside, Products, dot, minus};
 use crate::fit::{Fit, Problem};
 use crate::term::Kind;
 
@@ -23,15 +23,12 @@ pub struct PredictedPair {
     pub better_alone: f64,
 }
 
-/// A response of one candidate, outside of what the model can do already.
+/// A response of one candidate.
 struct Response {
     candidate: usize,
     start: usize,
     products: Products,
-    solved: DVector<f64>,
-    part: DVector<f64>,
-    along: f64,
-    size: f64,
+    outside: Outside,
     alone: f64,
 }
 
@@ -56,22 +53,14 @@ impl Problem {
                     let (terms, point) = self.with(fit, c, start);
                     let response = minus(self.predicted(&terms, &point), &here)?;
                     let products = self.products(&view, &response)?;
-                    let own: f64 = products.white.values().map(|w| dot(w, w)).sum();
-                    let (part, solved) = view.whole.solve(&products.with_columns);
-                    let size = own - part.dot(&solved);
-                    if size < SEEN * own || size <= 0.0 {
-                        return None;
-                    }
-                    let along = products.with_residual - solved.dot(&view.whole.gradient);
+                    let outside = view.whole.outside(&products)?;
+                    let Outside { along, size, .. } = outside;
                     let share = self.share(c, start, along / size);
                     Some(Response {
                         candidate: c,
                         start: s,
                         products,
-                        solved,
-                        part,
-                        along,
-                        size,
+                        outside,
                         alone: share * along - 0.5 * share * share * size,
                     })
                 });
@@ -109,12 +98,13 @@ impl Problem {
         let cross: f64 = each
             .filter_map(|(k, w)| Some(dot(w, b.products.white.get(k)?)))
             .sum();
-        let cross = cross - a.part.dot(&b.solved);
-        if cross * cross > ALIKE * a.size * b.size {
+        let [one, other] = [&a.outside, &b.outside];
+        let cross = cross - one.part.dot(&other.solved);
+        if cross * cross > ALIKE * one.size * other.size {
             return None;
         }
-        let square = Matrix2::new(a.size, cross, cross, b.size);
-        let right = Vector2::new(a.along, b.along);
+        let square = Matrix2::new(one.size, cross, cross, other.size);
+        let right = Vector2::new(one.along, other.along);
         let best = square.try_inverse()? * right;
         let start = |r: &Response| &self.body.candidates[r.candidate].starts[r.start];
         let shares = Vector2::new(
