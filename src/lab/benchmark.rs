@@ -29,6 +29,7 @@ pub mod paper;
 pub mod plans;
 pub mod score;
 pub mod table;
+pub mod unsteady;
 
 pub use cache::Kept;
 pub use case::{Case, Category, catalogue, make};

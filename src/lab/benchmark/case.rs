@@ -9,6 +9,7 @@ use super::experiment::{Recorded, Tank};
 use super::external_law::{COMPOSED, ExternalLaw, NEAR, UNNAMED};
 use super::instrument::{Flaw, flawed};
 use super::modulated::{MODULATED, Modulated, Ranges};
+use super::unsteady::Unsteady;
 use super::{faulty, magnitudes, paper, plans};
 use hydroline_diagnose::Source;
 use hydroline_identify::parameter::Coefficient;
@@ -51,11 +52,13 @@ pub enum Category {
     Modulated,
     /// Stamps and positions as an instrument spoils them; not in the full set.
     Instrument,
+    /// One effect under an instrument that is much better than the model, beside a disturbance without a law; not in the full set.
+    Precise,
 }
 
 impl Category {
     /// All, in order.
-    pub const ALL: [Category; 10] = [
+    pub const ALL: [Category; 11] = [
         Category::Nothing,
         Category::Single,
         Category::Pair,
@@ -66,6 +69,7 @@ impl Category {
         Category::Composed,
         Category::Modulated,
         Category::Instrument,
+        Category::Precise,
     ];
 
     /// Name in ids.
@@ -81,6 +85,7 @@ impl Category {
             Category::Composed => "composed",
             Category::Modulated => "modulated",
             Category::Instrument => "instrument",
+            Category::Precise => "precise",
         }
     }
 
@@ -94,7 +99,9 @@ impl Category {
             Category::Unnamed => 50,
             Category::Paper => 16,
             Category::Fault => 14,
-            Category::Composed | Category::Modulated | Category::Instrument => 0,
+            Category::Composed | Category::Modulated | Category::Instrument | Category::Precise => {
+                0
+            }
         }
     }
 }
@@ -211,6 +218,12 @@ const SHIFT: usize = 60;
 const MAIN_LEAST: f64 = 1.15;
 /// Greatest weight of a main effect \[m\].
 const MAIN_MOST_M: f64 = 0.08;
+/// Factor on the instruments' noise of a precise case.
+const PRECISE: f64 = 1.0 / 30.0;
+/// Of the tolerance: weight of the disturbance in it.
+const DISTURBANCE: f64 = 2.0;
+/// Of the disturbance's weight: least weight of the effect beside it.
+const PRECISE_LEAST: f64 = 3.0;
 /// Of the tolerance: greatest weight of anything in the background.
 const BACKGROUND_MOST: f64 = 0.75;
 /// One delay cannot be distinguished from the other by motion: a case holds one of them at most.
@@ -260,7 +273,10 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
             vehicle,
             entries: wanted.entries.clone(),
             external_law: None,
-            disturbance: Disturbance::draw(clean, &mut rng),
+            disturbance: match category {
+                Category::Precise => Disturbance::draw(true, &mut rng).scaled(PRECISE),
+                _ => Disturbance::draw(clean, &mut rng),
+            },
             seed: rng.random(),
         };
         let mut runs = record(&tank, &plans, &length_s)?;
@@ -275,6 +291,10 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
                 };
                 Modulated::draw(mechanism, share, &ranges, &mut rng).map(ExternalLaw::Modulated)
             }
+            Wanted::Unsteady => {
+                let weight_m = DISTURBANCE * rig.tolerance.position_m;
+                Some(tank.unsteady(Unsteady::draw(index, &mut rng), weight_m, &runs)?)
+            }
             Wanted::Unnamed(kind, share) => {
                 ExternalLaw::unnamed(kind, share, tank.reach_m(&runs)?, &mut rng)
             }
@@ -285,6 +305,12 @@ pub fn make(seed: u64, category: Category, index: usize) -> Result<Case, ProveEr
         let odd = truth.iter().find(|t| {
             if category == Category::Fault {
                 false
+            } else if category == Category::Precise {
+                let least_m = match t.effect.as_str() {
+                    UNNAMED_ID => 0.0,
+                    _ => PRECISE_LEAST * DISTURBANCE * tolerance,
+                };
+                !(least_m..MAIN_MOST_M).contains(&t.weight_m)
             } else if t.main {
                 !(MAIN_LEAST * tolerance..MAIN_MOST_M).contains(&t.weight_m)
             } else {
@@ -372,6 +398,7 @@ enum Wanted {
     Near(&'static str, f64),
     Modulated(&'static str, f64),
     Unnamed(&'static str, f64),
+    Unsteady,
 }
 
 struct Drawn {
@@ -434,6 +461,11 @@ fn wanted(
             };
             (mains, Wanted::No, index % 4 != 3)
         }
+        Category::Precise => (
+            vec![magnitudes::EFFECTS[index % magnitudes::EFFECTS.len()]],
+            Wanted::Unsteady,
+            false,
+        ),
         Category::Modulated => {
             let mechanism = MODULATED[index % MODULATED.len()];
             let mains = if index % 4 == 1 {

@@ -57,6 +57,15 @@ impl Disturbance {
         }
     }
 
+    /// The same, all noise times a factor.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Disturbance {
+        for part in [&mut self.white_m, &mut self.slow_m, &mut self.place_m] {
+            *part *= factor;
+        }
+        self
+    }
+
     /// Noise along a run, without outliers \[m\].
     pub fn along(&self, times_s: &[f64], x_m: &[f64], rng: &mut StdRng) -> Vec<f64> {
         let mut normal = || -> f64 { StandardNormal.sample(rng) };

@@ -10,6 +10,7 @@ use super::disturbance::Disturbance;
 use super::error::ProveError;
 use super::external_law::ExternalLaw;
 use super::motion::Mover;
+use super::unsteady::Unsteady;
 use hydroline_diagnose::Source;
 use hydroline_diagnose::faults::{Records, faults};
 use hydroline_identify::data::load_messages;
@@ -185,6 +186,22 @@ impl Tank {
             weights.push(rms(&scale.left_m(&[], Some(s))?));
         }
         Ok(weights)
+    }
+
+    /// A disturbance of this weight over the runs: the motion is all but linear in a force this small.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub fn unsteady(
+        &self,
+        mut made: Unsteady,
+        weight_m: f64,
+        runs: &[Recorded],
+    ) -> Result<ExternalLaw, ProveError> {
+        let alone = ExternalLaw::Unsteady(made);
+        let unit_m = rms(&self.scale(runs)?.left_m(&[], Some(&alone))?);
+        made.size_n *= weight_m / unit_m.max(1e-12);
+        Ok(ExternalLaw::Unsteady(made))
     }
 
     /// Scale on which effects of this tank are weighed.

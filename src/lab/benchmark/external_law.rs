@@ -7,6 +7,7 @@ use rand::rngs::StdRng;
 use super::composed::Composed;
 use super::magnitudes::{between, sign};
 use super::modulated::Modulated;
+use super::unsteady::Unsteady;
 
 /// Inputs of a law.
 #[derive(Debug, Clone, Copy)]
@@ -116,6 +117,8 @@ pub enum ExternalLaw {
     Composed(Composed),
     /// A known mechanism one number of which varies.
     Modulated(Modulated),
+    /// A disturbance that no run repeats.
+    Unsteady(Unsteady),
 }
 
 /// Mechanisms with a misspecified law.
@@ -284,6 +287,7 @@ impl ExternalLaw {
             }
             ExternalLaw::Composed(law) => law.force(here),
             ExternalLaw::Modulated(law) => law.force(here),
+            ExternalLaw::Unsteady(law) => law.force(here),
             _ => 0.0,
         }
     }

@@ -195,6 +195,27 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             let invented = !instrument::invents_nothing(&verdict, &judged.truth);
             judged.passed.push(("no_physics".into(), !invented));
         }
+        Category::Precise => {
+            let main = judged
+                .truth
+                .iter()
+                .find(|t| t.exact)
+                .map(|t| t.effect.clone());
+            let is_main = |f: &Found| {
+                main.as_ref() == Some(&f.effect) || f.or.iter().any(|o| main.as_ref() == Some(o))
+            };
+            let in_all = |id: &String| {
+                !judged.equivalent.is_empty() && judged.equivalent.iter().all(|s| s.contains(id))
+            };
+            let named = judged.found.iter().any(|f| f.matters && is_main(f))
+                || main.as_ref().is_some_and(in_all);
+            let spurious = judged.found.iter().any(|f| f.matters && !is_main(f));
+            judged.passed.push(("mechanism".into(), named));
+            judged.passed.push(("no_spurious".into(), !spurious));
+            judged
+                .passed
+                .push(("unknown_word".into(), verdict.verdict == Word::Unknown));
+        }
         Category::Nothing => {
             let quiet = verdict.verdict == Word::None && judged.found.iter().all(|f| !f.matters);
             judged.passed.push(("nothing".into(), quiet));
