@@ -61,10 +61,28 @@ impl Curve {
         Curve { pieces }
     }
 
+    /// Piece in which a time lies. Knots are all but evenly spaced: the walk begins where an even spacing would have it.
+    fn piece_at(&self, t_s: f64) -> Option<&Piece> {
+        let last = self.pieces.len().checked_sub(1)?;
+        if last < 2 || t_s.is_nan() {
+            let after = self.pieces.partition_point(|p| p.t_s <= t_s);
+            return self.pieces.get(after.saturating_sub(1));
+        }
+        let (begin_s, end_s) = (self.pieces[1].t_s, self.pieces[last].t_s);
+        let share = (t_s - begin_s) / (end_s - begin_s);
+        let mut at = 1 + (share * (last - 1) as f64).clamp(0.0, (last - 1) as f64) as usize;
+        while at > 0 && self.pieces[at].t_s > t_s {
+            at -= 1;
+        }
+        while at < last && self.pieces[at + 1].t_s <= t_s {
+            at += 1;
+        }
+        self.pieces.get(at)
+    }
+
     /// The value at a time.
     pub fn at<T: Real>(&self, t_s: T) -> T {
-        let after = self.pieces.partition_point(|p| p.t_s <= t_s.value());
-        let Some(piece) = self.pieces.get(after.saturating_sub(1)) else {
+        let Some(piece) = self.piece_at(t_s.value()) else {
             return T::zero();
         };
         let [a, b, c, d] = piece.by_power;
@@ -77,8 +95,7 @@ impl Curve {
 
     /// First and second derivative at a time; 0 where the curve stays.
     pub fn slopes_at<T: Real>(&self, t_s: T) -> [T; 2] {
-        let after = self.pieces.partition_point(|p| p.t_s <= t_s.value());
-        let Some(piece) = self.pieces.get(after.saturating_sub(1)) else {
+        let Some(piece) = self.piece_at(t_s.value()) else {
             return [T::zero(); 2];
         };
         let [_, b, c, d] = piece.by_power;
@@ -165,6 +182,20 @@ mod tests {
         }
         assert_eq!([curve.slopes_at(-1.0), curve.slopes_at(2.0)], [[0.0; 2]; 2]);
         assert_eq!(Curve::constant(3.0).slopes_at(0.5), [0.0; 2]);
+    }
+
+    /// Gaps in a recording leave the even spacing far off.
+    #[test]
+    fn the_piece_of_a_time_is_found_however_the_knots_lie() {
+        let times = [0.0, 0.1, 0.2, 5.0, 5.0, 5.1, 9.0, 9.01, 9.02];
+        let knots: Vec<_> = times.map(|t| (t, t * t, 2.0 * t)).into();
+        let curve = Curve::new(&knots);
+        for k in -20..200 {
+            let t_s = 0.05 * f64::from(k);
+            let after = curve.pieces.partition_point(|p| p.t_s <= t_s);
+            let sought = curve.pieces.get(after.saturating_sub(1));
+            assert_eq!(curve.piece_at(t_s), sought, "{t_s}");
+        }
     }
 
     #[test]

@@ -52,6 +52,9 @@ const STANDING: [&str; 2] = ["dead_channel", "stuck_channel"];
 /// Note where the simulation error decides.
 const BY_SQUARES: &str = "decided by the simulation error: a random force or a table would follow these runs as well, and predicts runs that were not fitted worse; probabilities count as many samples as are independent";
 
+/// Share of the time under a limit that the search of the models may take.
+const SEARCH_SHARE: f64 = 0.6;
+
 /// Work on the next run that a limit leaves open.
 const NEXT_RUN: &str = "the plan of the next run";
 
@@ -107,22 +110,27 @@ pub fn diagnose(
         stretched(&own, rig)?;
         return Err(DiagnoseError::NothingMoves(sources.len()));
     }
+    // Under a limit the decision by the simulation error and the predictions have their share.
+    let search_watch = Watch {
+        limit: watch.limit.earlier(SEARCH_SHARE),
+        ..watch
+    };
     let asking = Asking {
         runs: &runs,
         rig,
-        watch,
+        watch: search_watch,
     };
     let found = asking.explained(&recording, &dofs, &asked)?;
-    let (mut found, closed) = closed(found, Options::default(), watch);
+    let (mut found, closed) = closed(found, Options::default(), search_watch);
     let mut not_offered = found.take_implausible();
-    let mut account = found.account.clone();
-    account.did("search of the models");
     let held = apart(held);
     let over = match held.is_empty() {
         true => None,
         false => found.problem.over(&held, rig).ok(),
     };
     let is_by_squares = decide_by_prediction(&mut found, over.as_ref(), watch);
+    let mut account = found.account.clone();
+    account.did("search of the models");
     watch.tell("members that predict worse");
     let gone = take_out_unearned(&mut found, over.as_ref(), watch.limit);
     // What was fitted anew without a member may have another size.

@@ -12,6 +12,7 @@ use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::{cancel, parallel};
 
 use super::body::Point;
+use super::coarse::STRETCHES;
 use super::fit::{Fit, Problem};
 use super::hyper::Tables;
 use super::limit::Watch;
@@ -33,28 +34,16 @@ const EXCHANGES: usize = 1;
 const SMALLEST_GAIN: f64 = 3.0;
 /// Shares of the predicted numbers from which two laws are fitted: far from everything the linear view overshoots.
 const SHARES: [f64; 2] = [1.0, 0.4];
-/// Decrease of a misfit's logarithm that each law must bring.
-const WORTH: f64 = 0.1;
 /// Models of each turn that the runs left out choose from, and that the next one begins beside.
 const FRONT: usize = 3;
-/// Logarithm of the share of a rival's misfit that is left where a model explains most of it: half.
-const MOST: f64 = -std::f64::consts::LN_2;
 /// Misfit over the instruments' noise up to which nothing is left to explain.
 const AT_NOISE: f64 = 1.15;
 
-/// A model by least squares, with what it leaves of each run: of those that it is fitted to, or of those it has not seen.
+/// A model by least squares, with what it leaves of the runs that it is fitted to.
 #[derive(Debug, Clone)]
 struct Coarse {
     fit: Fit,
-    left: Vec<Rms>,
-}
-
-/// Mean over runs and channels of a misfit's logarithm over that of another.
-fn beside(left: &[Rms], other: &[Rms]) -> f64 {
-    let each = left.iter().zip(other);
-    let each = each.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a / b).ln()));
-    let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
-    each.iter().sum::<f64>() / each.len().max(1) as f64
+    left: Rms,
 }
 
 /// rms over runs per channel.
@@ -67,12 +56,64 @@ fn pooled(left: &[Rms]) -> Rms {
 }
 
 impl Coarse {
-    /// Misfit beside another's, with what each law more must be worth; below 0 = better.
-    fn worth(&self, than: &Fit, left: &[Rms]) -> f64 {
-        let laws = self.fit.terms.len() as f64 - than.terms.len() as f64;
-        beside(&self.left, left) + WORTH * laws
+    /// Half of the Bayesian information criterion (Schwarz 1978) beside another model's, by the simulation error; below 0 =
+    /// better. `count` = independent samples.
+    fn criterion(&self, than: &Coarse, count: &Rms) -> f64 {
+        let each = Channel::ALL
+            .into_iter()
+            .map(|c| (count[c], (self.left[c] / than.left[c]).ln()));
+        let finite = each.filter(|(n, ratio)| n.is_finite() && ratio.is_finite());
+        let (gain, samples) =
+            finite.fold((0.0, 0.0), |sum, (n, ratio)| (sum.0 + n * ratio, sum.1 + n));
+        let numbers = self.fit.point.len() as f64 - than.fit.point.len() as f64;
+        gain + 0.5 * numbers * f64::max(samples, 1.0).ln()
     }
 }
+
+/// A model with its errors in runs that it has not seen.
+#[derive(Debug, Clone)]
+struct Unseen {
+    fit: Fit,
+    /// rms of each stretch.
+    left: Vec<Rms>,
+    /// Score of each stretch: mean over channels of the logarithm of the error over what matters.
+    errors: Vec<f64>,
+    /// The same of all runs that it is fitted to.
+    fitted: f64,
+}
+
+impl Unseen {
+    fn mean(&self) -> f64 {
+        self.errors.iter().sum::<f64>() / self.errors.len().max(1) as f64
+    }
+
+    /// Mean of the error's logarithm beside another model's in the same stretches, and its standard error.
+    fn beside(&self, other: &Unseen) -> (f64, f64) {
+        let each = self.errors.iter().zip(&other.errors).map(|(a, b)| a - b);
+        let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
+        let count = each.len().max(1) as f64;
+        let mean = each.iter().sum::<f64>() / count;
+        let squares: f64 = each.iter().map(|v| (v - mean).powi(2)).sum();
+        (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
+    }
+}
+
+/// Of some models the one with fewest laws that predicts within one standard error of the best (Breiman et al. 1984, section
+/// 3.4.3; here of paired differences); of these the one that explains most.
+fn fewest(all: &[Unseen]) -> Option<&Unseen> {
+    let best = all.iter().min_by(|a, b| a.mean().total_cmp(&b.mean()))?;
+    let as_good = all.iter().filter(|m| {
+        let (mean, se) = m.beside(best);
+        mean <= se
+    });
+    as_good.min_by(|a, b| {
+        let laws = a.fit.terms.len().cmp(&b.fit.terms.len());
+        laws.then(a.fitted.total_cmp(&b.fitted))
+    })
+}
+
+/// Work that a limit leaves open.
+const BY_SQUARES: &str = "laws that explain most of the simulation error";
 
 /// Points from which a model is fitted; the best of them counts.
 type Job = (Vec<usize>, Vec<Point>);
@@ -84,23 +125,42 @@ impl Problem {
             let each = from.iter().filter_map(|from| {
                 cancel::check();
                 let fit = self.least_squares(&terms, from, &Tables::new())?;
-                let left = self.left_by_run(&self.predicted(&fit.terms, &fit.point));
+                let left = self.left(&fit.terms, &fit.point);
                 Some(Coarse { fit, left })
             });
             let each: Vec<Coarse> = each.collect();
-            let first = each.first()?.left.clone();
-            let size = |c: &Coarse| beside(&c.left, &first);
+            let count = self.samples();
+            let first = each.first()?.clone();
+            let size = |c: &Coarse| c.criterion(&first, &count);
             each.into_iter().min_by(|a, b| size(a).total_cmp(&size(b)))
         });
         made.into_iter().flatten().collect()
     }
 
-    /// The same models with what they leave of runs that they have not seen: each run as the others predict it.
-    fn unseen_by_squares(&self, of: &Fit) -> Option<Coarse> {
-        Some(Coarse {
-            left: self.left_by_others(of)?,
+    /// A model with its errors in runs that it has not seen: each run as the others predict it.
+    fn unseen_by_squares(&self, of: &Fit) -> Option<Unseen> {
+        Some(self.scored_unseen(of, self.left_by_others(of)?))
+    }
+
+    /// Errors count beside noise and tolerance: less matters to nobody.
+    fn scored_unseen(&self, of: &Fit, left: Vec<Rms>) -> Unseen {
+        let least = PerChannel::from_fn(|c| {
+            let noise = self.noises.channels[c].map_or(f64::NAN, |n| n.total_sd());
+            noise.max(self.body.tolerance[c])
+        });
+        let score = |left: &Rms| {
+            let each = Channel::ALL
+                .into_iter()
+                .map(|c| 0.5 * (left[c] / least[c]).powi(2).ln_1p());
+            let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
+            each.iter().sum::<f64>() / each.len() as f64
+        };
+        Unseen {
             fit: of.clone(),
-        })
+            errors: left.iter().map(score).collect(),
+            fitted: score(&self.left(&of.terms, &of.point)),
+            left,
+        }
     }
 
     fn is_explained(&self, left: &Rms) -> bool {
@@ -170,17 +230,17 @@ impl Problem {
         made
     }
 
-    /// Of the models that explain most of the simulation error the one that predicts the runs left out best, with all models
-    /// on the way.
-    fn explained_most(&self, alone: &Fit, watch: Watch<'_>) -> Option<(Coarse, Vec<Fit>)> {
+    /// Of the models that explain most of the simulation error the one that predicts the runs left out with fewest laws, with
+    /// all models on the way.
+    fn explained_most(&self, alone: &Fit, watch: Watch<'_>) -> Option<(Unseen, Vec<Fit>)> {
         let from = vec![self.body.begin(), alone.point.clone()];
         let alone = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
         let mut all = vec![alone.fit.clone()];
-        let mut best = self.unseen_by_squares(&alone.fit)?;
-        let mut front = vec![alone.clone()];
+        let mut unseen = vec![self.unseen_by_squares(&alone.fit)?];
+        let mut front = vec![alone];
         let mut visited: BTreeSet<Vec<usize>> = BTreeSet::new();
         for turn in 0..JOINS {
-            if front.iter().any(|c| self.is_explained(&pooled(&c.left))) {
+            if watch.limit.is_over() || front.iter().any(|c| self.is_explained(&c.left)) {
                 break;
             }
             watch.tell(&format!("simulation error, turn {}", turn + 1));
@@ -188,31 +248,45 @@ impl Problem {
             let jobs: Vec<Job> = jobs.filter(|j| visited.insert(j.0.clone())).collect();
             let mut made = self.coarse_fits(jobs);
             all.extend(made.iter().map(|c| c.fit.clone()));
-            let worth = |c: &Coarse| c.worth(&alone.fit, &alone.left);
-            made.retain(|c| worth(c) < 0.0);
-            made.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
+            let (Some(before), Some(least)) = (
+                front.first(),
+                unseen.iter().map(Unseen::mean).reduce(f64::min),
+            ) else {
+                break;
+            };
+            let count = self.independent_samples(&before.fit);
+            let rank = |c: &Coarse| c.criterion(before, &count);
+            made.retain(|c| rank(c) < 0.0);
+            made.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
             made.truncate(FRONT);
             for c in &made {
-                tracing::debug!("by squares {:.3} {:?}", worth(c), self.names(&c.fit));
+                tracing::debug!(
+                    "by squares {:.1} {:?} {:?}",
+                    rank(c),
+                    self.names(&c.fit),
+                    c.left.by_name()
+                );
             }
-            // The one that explains most of those that predict better than before.
-            let next = made.iter().find_map(|c| {
-                let unseen = self.unseen_by_squares(&c.fit)?;
-                (unseen.worth(&best.fit, &best.left) < 0.0).then_some(unseen)
-            });
+            let of = |c: &Coarse| self.unseen_by_squares(&c.fit);
+            let new: Vec<Unseen> = made.iter().filter_map(of).collect();
+            for n in &new {
+                tracing::debug!(
+                    "{:.3} {:?} leaves {:?} of runs not seen",
+                    n.mean(),
+                    self.names(&n.fit),
+                    pooled(&n.left).by_name()
+                );
+            }
+            // One law alone may gain nothing where two need each other.
+            let is_last = turn > 0 && new.iter().all(|n| n.mean() >= least);
+            unseen.extend(new);
+            if is_last || made.is_empty() {
+                break;
+            }
             front = made;
-            match next {
-                Some(unseen) => best = unseen,
-                // One law alone may gain nothing where two need each other.
-                None if turn == 0 && !front.is_empty() => (),
-                None => break,
-            }
-            tracing::debug!(
-                "{:?} leaves {:?} of runs not seen",
-                self.names(&best.fit),
-                pooled(&best.left).by_name()
-            );
         }
+        let best = fewest(&unseen)?.clone();
+        tracing::debug!("{:?} by squares", self.names(&best.fit));
         Some((best, all))
     }
 
@@ -220,7 +294,8 @@ impl Problem {
     fn left_of_held(&self, held: &Problem, fit: &Fit) -> Option<Vec<Rms>> {
         let coarse = held.coarse(&self.left(&fit.terms, &fit.point));
         let point = coarse.with_starts(&fit.terms, &fit.point)?;
-        Some(held.left_by_run(&held.predicted(&fit.terms, &point)))
+        let predicted = held.predicted(&fit.terms, &point);
+        Some(held.left_by_stretch(&predicted, STRETCHES.div_ceil(predicted.len().max(1))))
     }
 }
 
@@ -244,9 +319,13 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
     if !swallows(problem, best) {
         return false;
     }
+    if found.account.leaves_open(watch.limit, BY_SQUARES) {
+        return false;
+    }
     let Some((laws, all)) = problem.explained_most(alone, watch) else {
         return false;
     };
+    found.account.leaves_open(watch.limit, BY_SQUARES);
     if laws.fit.terms.is_empty() {
         return false;
     }
@@ -268,8 +347,8 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
 impl Problem {
     /// Whether laws predict runs that were not seen better than a rival does: the runs held out where there are any, and those
     /// left out else. A table has to be matched, for it stands only where no laws predict as well; where a random force
-    /// stands, most of the misfit has to go.
-    fn is_predicted_better(&self, laws: &Coarse, rival: &Fit, held: Option<&Problem>) -> bool {
+    /// stands, laws have to be better, both by one standard error.
+    fn is_predicted_better(&self, laws: &Unseen, rival: &Fit, held: Option<&Problem>) -> bool {
         let both = match held {
             Some(held) => self
                 .left_of_held(held, &laws.fit)
@@ -280,25 +359,26 @@ impl Problem {
         let Some((left, of_rival)) = both else {
             return true;
         };
-        let is_table = |t: &usize| self.body.candidates[*t].is_table();
-        let asked = match rival.terms.iter().any(is_table) {
-            true => 0.0,
-            false => MOST,
-        };
-        let worth = beside(&left, &of_rival);
+        let (mean, se) = self
+            .scored_unseen(&laws.fit, left)
+            .beside(&self.scored_unseen(rival, of_rival));
         tracing::debug!(
-            "{:?} against {:?} on runs not seen: {worth:.3}",
+            "{:?} against {:?} on runs not seen: {mean:.3} ({se:.3})",
             self.names(&laws.fit),
             self.names(rival)
         );
-        worth < asked
+        let is_table = |t: &usize| self.body.candidates[*t].is_table();
+        match rival.terms.iter().any(is_table) {
+            true => mean <= se,
+            false => mean + se < 0.0,
+        }
     }
 
     /// Models scored by the simulation error under noise as large as what the laws leave of the runs that others predict,
     /// counted as often as that is independent.
     fn coarsened(
         &self,
-        laws: &Coarse,
+        laws: &Unseen,
         mut asked: Vec<Fit>,
         rival: Option<Fit>,
     ) -> Option<(Problem, BTreeMap<Vec<usize>, Fit>)> {

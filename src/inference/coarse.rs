@@ -22,6 +22,10 @@ const LAGS: f64 = 0.25;
 /// Parts of a single run, each predicted by the others.
 const PARTS: usize = 4;
 
+/// Stretches of all runs together from which the standard error of a mean error is taken, at least: a mean over two runs has none
+/// to speak of.
+pub const STRETCHES: usize = 8;
+
 /// Fits that know of no random force.
 const BY_SQUARES: Effort = Effort {
     forces_held: true,
@@ -101,12 +105,15 @@ impl Problem {
         Some(all)
     }
 
-    /// rms that each run leaves where the others predict it, all by least squares; of a single run the same of each of its
+    /// rms that each stretch of each run leaves where the other runs predict it, all by least squares; of a single run the same of each of its
     /// parts, through which the motion goes on from what was before.
     pub fn left_by_others(&self, fit: &Fit) -> Option<Vec<Rms>> {
         match self.noises.used.as_slice() {
             [one] => self.left_by_other_parts(fit, one),
-            _ => Some(self.left_by_run(&self.one_run_out_by_squares(fit)?.values)),
+            _ => {
+                let values = self.one_run_out_by_squares(fit)?.values;
+                Some(self.left_by_stretch(&values, STRETCHES.div_ceil(values.len().max(1))))
+            }
         }
     }
 
@@ -124,9 +131,12 @@ impl Problem {
                 made
             };
             let made = only(false).least_squares(&fit.terms, &fit.point, &fit.cells.tables)?;
-            Some(only(true).left(&made.terms, &made.point))
+            let inside = only(true);
+            let predicted = inside.predicted(&made.terms, &made.point);
+            Some(inside.left_by_stretch(&predicted, STRETCHES.div_ceil(PARTS)))
         });
-        each.into_iter().collect()
+        let each: Option<Vec<Vec<Rms>>> = each.into_iter().collect();
+        Some(each?.into_iter().flatten().collect())
     }
 
     /// Number of independent samples that each channel's residuals are worth, by the sum of their autocorrelations up to the

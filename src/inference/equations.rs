@@ -104,11 +104,23 @@ impl<'a> Equations<'a> {
     pub fn choose(
         &mut self,
         all: &[Simulated],
-        mut cells: Cells,
+        cells: Cells,
         number_prior: &NumberPrior,
         at: &[f64],
     ) -> (Cells, f64) {
         let dofs = self.problem.body.dofs.clone();
+        self.choose_in(&dofs, all, cells, number_prior, at)
+    }
+
+    /// The same with random forces chosen in these DOFs only.
+    pub fn choose_in(
+        &mut self,
+        dofs: &[usize],
+        all: &[Simulated],
+        mut cells: Cells,
+        number_prior: &NumberPrior,
+        at: &[f64],
+    ) -> (Cells, f64) {
         let mut best = self.restricted(all, &cells, number_prior, at);
         for _ in 0..3 {
             let mut moved = false;
@@ -126,7 +138,7 @@ impl<'a> Equations<'a> {
                 cells.tables.insert(block.candidate, next);
                 moved |= next != chosen;
             }
-            for &d in &dofs {
+            for &d in dofs {
                 loop {
                     let around = neighbours(cells.misfit[d]);
                     let asked: Vec<(usize, Cell)> = around.iter().map(|c| (d, *c)).collect();
@@ -148,7 +160,7 @@ impl<'a> Equations<'a> {
                     moved = true;
                 }
             }
-            if !moved || dofs.len() == 1 && number_prior.blocks.is_empty() {
+            if !moved || dofs.len() <= 1 && number_prior.blocks.is_empty() {
                 break;
             }
         }

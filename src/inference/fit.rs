@@ -133,11 +133,15 @@ struct Descent<'a> {
 }
 
 impl Descent<'_> {
-    /// Cells that are likeliest where it is.
+    /// Cells that are likeliest where it is; random forces that are held stay.
     fn choose(&mut self, cells: &Cells) -> Cells {
         let (all, number_prior, at) = (&self.all, &self.number_prior, &self.at);
+        let dofs: &[usize] = match self.effort.forces_held {
+            true => &[],
+            false => &self.problem.body.dofs,
+        };
         self.equations
-            .choose(all, cells.clone(), number_prior, at)
+            .choose_in(dofs, all, cells.clone(), number_prior, at)
             .0
     }
 
@@ -416,7 +420,12 @@ impl Problem {
         self.body.dofs.iter().map(of).sum()
     }
 
-    fn cost(&self, values: &[Vec<PerChannel<f64>>], filters: &BTreeMap<usize, Vec<Filter>>) -> f64 {
+    /// Minus the log likelihood of a motion through these filters, without the constant.
+    pub(super) fn cost(
+        &self,
+        values: &[Vec<PerChannel<f64>>],
+        filters: &BTreeMap<usize, Vec<Filter>>,
+    ) -> f64 {
         let mut sum = 0.0;
         for (dof, filters) in filters {
             for (run, (v, filter)) in values.iter().zip(filters).enumerate() {
@@ -448,7 +457,8 @@ impl Problem {
         let mut cells = cells;
         let mut seen: Vec<Cells> = Vec::new();
         for round in 0..effort.rounds {
-            let chosen = if effort.forces_held || round == 0 && effort.as_given {
+            let is_fixed = effort.forces_held && descent.number_prior.blocks.is_empty();
+            let chosen = if is_fixed || round == 0 && effort.as_given {
                 cells.clone()
             } else {
                 descent.choose(&cells)

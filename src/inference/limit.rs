@@ -66,6 +66,17 @@ impl Limit {
         }
     }
 
+    /// The same limit, over when this share of what is left of its time has passed.
+    #[must_use]
+    pub fn earlier(self, share: f64) -> Limit {
+        let now = Instant::now();
+        let deadline = self.deadline.map(|at| {
+            let left = at.saturating_duration_since(now);
+            now + left.mul_f64(share.clamp(0.0, 1.0))
+        });
+        Limit { deadline, ..self }
+    }
+
     /// Reason why the limit is over; `None` = it is not.
     pub fn cause(&self) -> Option<Cause> {
         if self.is_interrupted.is_some_and(|asked| asked()) {
@@ -169,6 +180,10 @@ mod tests {
         let now = Limit::after(Duration::ZERO);
         assert_eq!(now.cause(), Some(Cause::Time));
         assert_eq!(now.without_time().cause(), None);
+        let soon = Limit::after(Duration::from_secs(3600));
+        assert_eq!(soon.earlier(0.0).cause(), Some(Cause::Time));
+        assert_eq!(soon.earlier(0.5).cause(), None);
+        assert_eq!(Limit::NONE.earlier(0.0).cause(), None);
         let never = Limit::after(Duration::MAX);
         assert_eq!(never.cause(), None);
         assert_eq!(never.interrupted_by(|| false).cause(), None);

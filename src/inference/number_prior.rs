@@ -80,6 +80,12 @@ impl NumberPrior {
         }
     }
 
+    /// Log density of the runs' starts, which begin at `first`.
+    pub fn ln_starts(&self, first: usize, point: &[f64]) -> f64 {
+        let each = self.densities[first..].iter().zip(&point[first..]);
+        each.map(|(d, v)| d.ln(*v)).sum()
+    }
+
     /// The same of the runs' starts, which begin at `first`, to equations that hold them alone.
     pub fn add_starts(
         &self,

@@ -2,10 +2,11 @@
 
 use hydroline_core::run::{Channel, PerChannel};
 use nalgebra::{Cholesky, DMatrix, DVector};
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::body::Point;
-use super::filter::Force;
+use super::filter::{Filter, Force};
 use super::fit::{Effort, Fit, Problem};
 use super::hyper::with_force;
 use super::limit::Limit;
@@ -13,6 +14,8 @@ use super::summary::Rms;
 
 /// Steps of the fit of a run's start.
 const START_STEPS: usize = 6;
+/// Share of a step of a start's fit below which it ends.
+const SMALLEST_STEP: f64 = 1e-3;
 /// On the diagonal of a projection: derivatives that do the same are one.
 const JITTER: f64 = 1e-10;
 
@@ -64,22 +67,46 @@ impl Problem {
         }
         let n = at.len() - places[0];
         let number_prior = self.number_prior(terms);
-        for _ in 0..START_STEPS {
+        let filters: BTreeMap<usize, Vec<Filter>> = self
+            .body
+            .dofs
+            .iter()
+            .map(|d| (*d, with_force(&self.body, &self.noises, *d, Force::NONE)))
+            .collect();
+        let cost = |at: &Point| {
+            let starts = number_prior.ln_starts(places[0], at);
+            self.cost(&self.predicted(terms, at), &filters) - starts
+        };
+        let mut here = cost(&at);
+        'steps: for _ in 0..START_STEPS {
             let all = self.simulate(terms, &at)?;
             let mut information = DMatrix::zeros(n, n);
             let mut gradient = DVector::zeros(n);
-            for &d in &self.body.dofs {
-                let filters = with_force(&self.body, &self.noises, d, Force::NONE);
-                let normal = self.normal_with(&all, d, &filters, at.len());
+            for (&d, filters) in &filters {
+                let normal = self.normal_with(&all, d, filters, at.len());
                 information += normal.information.view((places[0], places[0]), (n, n));
                 gradient += normal.gradient.rows(places[0], n);
             }
             let first = places[0];
             number_prior.add_starts(first, &at, &mut information, &mut gradient);
             let step = Cholesky::new(information)?.solve(&gradient);
-            for i in 0..n {
-                at[places[0] + i] += step[i];
-            }
+            // A whole step may overshoot: friction that sticks is anything but linear.
+            let mut share = 1.0;
+            let (next, there) = loop {
+                let mut tried = at.clone();
+                for i in 0..n {
+                    tried[places[0] + i] += share * step[i];
+                }
+                let there = cost(&tried);
+                if there <= here {
+                    break (tried, there);
+                }
+                share *= 0.25;
+                if share < SMALLEST_STEP {
+                    break 'steps;
+                }
+            };
+            (at, here) = (next, there);
         }
         Some(at)
     }

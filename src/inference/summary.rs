@@ -45,7 +45,7 @@ impl Problem {
     pub fn left_of(&self, predicted: &[Vec<PerChannel<f64>>]) -> Rms {
         let mut squares = Squares::default();
         for (run, predicted) in predicted.iter().enumerate() {
-            self.add_left(run, predicted, &mut squares);
+            self.add_left(run, predicted, 0..predicted.len(), &mut squares);
         }
         squares.rms()
     }
@@ -54,15 +54,42 @@ impl Problem {
     pub fn left_by_run(&self, predicted: &[Vec<PerChannel<f64>>]) -> Vec<Rms> {
         let of = |(run, predicted): (usize, &Vec<PerChannel<f64>>)| {
             let mut squares = Squares::default();
-            self.add_left(run, predicted, &mut squares);
+            self.add_left(run, predicted, 0..predicted.len(), &mut squares);
             squares.rms()
         };
         predicted.iter().enumerate().map(of).collect()
     }
 
-    fn add_left(&self, run: usize, predicted: &[PerChannel<f64>], squares: &mut Squares) {
+    /// The same of this many stretches of each run, within the samples that count.
+    pub fn left_by_stretch(&self, predicted: &[Vec<PerChannel<f64>>], each: usize) -> Vec<Rms> {
+        let of = |(run, predicted): (usize, &Vec<PerChannel<f64>>)| -> Vec<Rms> {
+            let used = &self.noises.used[run];
+            let counts = |k: &usize| used[*k].iter().any(|u| *u);
+            let there: Vec<usize> = (0..used.len()).filter(counts).collect();
+            let (first, last) = (there.first().copied(), there.last().copied());
+            let (Some(first), Some(last)) = (first, last) else {
+                return Vec::new();
+            };
+            let edge = |i: usize| first + (last + 1 - first) * i / each;
+            let stretches = (0..each).map(|i| {
+                let mut squares = Squares::default();
+                self.add_left(run, predicted, edge(i)..edge(i + 1), &mut squares);
+                squares.rms()
+            });
+            stretches.collect()
+        };
+        predicted.iter().enumerate().flat_map(of).collect()
+    }
+
+    fn add_left(
+        &self,
+        run: usize,
+        predicted: &[PerChannel<f64>],
+        within: std::ops::Range<usize>,
+        squares: &mut Squares,
+    ) {
         let r = &self.body.recording.runs[run];
-        for (k, p) in predicted.iter().enumerate() {
+        for (k, p) in within.clone().zip(&predicted[within]) {
             let m = r.measured(k);
             for c in Channel::ALL
                 .into_iter()
