@@ -50,6 +50,7 @@ pub mod predict;
 pub mod problem;
 mod refit;
 pub mod report;
+mod seen;
 pub mod uncertainty;
 
 pub use estimate::{IdentifyError, ModelChoice, Options, identify, measured_channels, stretched};
@@ -58,3 +59,4 @@ pub use outcome::{
     Trace,
 };
 pub use refit::{Refitted, refit};
+pub use seen::{Seen, seen};

@@ -6,6 +6,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 use super::problem::Objective;
+use super::seen::Seen;
 use super::uncertainty::Profile;
 
 /// One coefficient.
@@ -114,6 +115,8 @@ pub struct RunSummary {
     pub length_s: f64,
     /// rms of measured - fitted per channel, SI.
     pub rms: BTreeMap<String, f64>,
+    /// Motion that it showed, by DOF: the range in which its coefficients were seen.
+    pub seen: BTreeMap<String, Seen>,
     /// Oddities of the run's data, one sentence each.
     pub notes: Vec<String>,
     /// Start values found, with sd.

@@ -7,6 +7,7 @@ use crate::figures::edges;
 use crate::outcome::{Estimate, Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
 use crate::parameter::{Coefficient, Term};
 use crate::problem::Objective;
+use crate::seen::seen;
 use crate::uncertainty::{PROFILE_EVALUATIONS, Profile, Ridge, covariance, profile};
 use hydroline_core::run::{Channel, Run};
 use hydroline_numerics::information::correlation;
@@ -409,6 +410,7 @@ impl Fit<'_> {
                     .filter(|c| c.measured.iter().any(|v| v.is_finite()))
                     .map(|c| (c.name.clone(), c.rms()))
                     .collect(),
+                seen: seen(run),
                 notes: run.notes.clone(),
                 start,
             });
