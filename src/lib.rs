@@ -31,6 +31,7 @@ pub use hydroline_daemon::{
     analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,
 };
 pub use hydroline_diagnose as diagnose;
+pub use hydroline_exchange as exchange;
 pub use hydroline_identify as identify;
 pub use hydroline_identify::predict;
 pub use hydroline_import as import;
