@@ -12,7 +12,7 @@ use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::{cancel, parallel};
 
 use super::body::Point;
-use super::coarse::STRETCHES;
+use super::coarse::stretches_of_each;
 use super::fit::{Fit, Problem};
 use super::hyper::Tables;
 use super::limit::Watch;
@@ -86,16 +86,16 @@ impl Unseen {
     fn mean(&self) -> f64 {
         self.errors.iter().sum::<f64>() / self.errors.len().max(1) as f64
     }
+}
 
-    /// Mean of the error's logarithm beside another model's in the same stretches, and its standard error.
-    fn beside(&self, other: &Unseen) -> (f64, f64) {
-        let each = self.errors.iter().zip(&other.errors).map(|(a, b)| a - b);
-        let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
-        let count = each.len().max(1) as f64;
-        let mean = each.iter().sum::<f64>() / count;
-        let squares: f64 = each.iter().map(|v| (v - mean).powi(2)).sum();
-        (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
-    }
+/// Mean difference of scores in the same stretches, and its standard error.
+fn beside(scores: &[f64], others: &[f64]) -> (f64, f64) {
+    let each = scores.iter().zip(others).map(|(a, b)| a - b);
+    let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
+    let count = each.len().max(1) as f64;
+    let mean = each.iter().sum::<f64>() / count;
+    let squares: f64 = each.iter().map(|v| (v - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0).max(1.0) / count).sqrt())
 }
 
 /// Of some models the one with fewest laws that predicts within one standard error of the best (Breiman et al. 1984, section
@@ -103,7 +103,7 @@ impl Unseen {
 fn fewest(all: &[Unseen]) -> Option<&Unseen> {
     let best = all.iter().min_by(|a, b| a.mean().total_cmp(&b.mean()))?;
     let as_good = all.iter().filter(|m| {
-        let (mean, se) = m.beside(best);
+        let (mean, se) = beside(&m.errors, &best.errors);
         mean <= se
     });
     as_good.min_by(|a, b| {
@@ -121,6 +121,7 @@ type Job = (Vec<usize>, Vec<Point>);
 impl Problem {
     /// Least-squares fits with what they leave of the runs that they are fitted to.
     fn coarse_fits(&self, jobs: Vec<Job>) -> Vec<Coarse> {
+        let count = self.samples();
         let made = parallel::map_owned(jobs, |(terms, from)| {
             let each = from.iter().filter_map(|from| {
                 cancel::check();
@@ -129,7 +130,6 @@ impl Problem {
                 Some(Coarse { fit, left })
             });
             let each: Vec<Coarse> = each.collect();
-            let count = self.samples();
             let first = each.first()?.clone();
             let size = |c: &Coarse| c.criterion(&first, &count);
             each.into_iter().min_by(|a, b| size(a).total_cmp(&size(b)))
@@ -138,29 +138,28 @@ impl Problem {
     }
 
     /// A model with its errors in runs that it has not seen: each run as the others predict it.
-    fn unseen_by_squares(&self, of: &Fit) -> Option<Unseen> {
-        Some(self.scored_unseen(of, self.left_by_others(of)?))
+    fn unseen_by_squares(&self, of: &Coarse) -> Option<Unseen> {
+        let left = self.left_by_others(&of.fit)?;
+        Some(Unseen {
+            fit: of.fit.clone(),
+            errors: self.scores(&left),
+            fitted: self.score(&of.left),
+            left,
+        })
     }
 
-    /// Errors count beside noise and tolerance: less matters to nobody.
-    fn scored_unseen(&self, of: &Fit, left: Vec<Rms>) -> Unseen {
-        let least = PerChannel::from_fn(|c| {
-            let noise = self.noises.channels[c].map_or(f64::NAN, |n| n.total_sd());
-            noise.max(self.body.tolerance[c])
+    /// Mean over channels of the logarithm of an error beside noise and tolerance: less matters to nobody.
+    fn score(&self, left: &Rms) -> f64 {
+        let each = Channel::ALL.into_iter().filter_map(|c| {
+            let least = self.noise_or_tolerance(c)?;
+            Some(0.5 * (left[c] / least).powi(2).ln_1p())
         });
-        let score = |left: &Rms| {
-            let each = Channel::ALL
-                .into_iter()
-                .map(|c| 0.5 * (left[c] / least[c]).powi(2).ln_1p());
-            let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
-            each.iter().sum::<f64>() / each.len() as f64
-        };
-        Unseen {
-            fit: of.clone(),
-            errors: left.iter().map(score).collect(),
-            fitted: score(&self.left(&of.terms, &of.point)),
-            left,
-        }
+        let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
+        each.iter().sum::<f64>() / each.len() as f64
+    }
+
+    fn scores(&self, left: &[Rms]) -> Vec<f64> {
+        left.iter().map(|left| self.score(left)).collect()
     }
 
     fn is_explained(&self, left: &Rms) -> bool {
@@ -236,7 +235,7 @@ impl Problem {
         let from = vec![self.body.begin(), alone.point.clone()];
         let alone = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
         let mut all = vec![alone.fit.clone()];
-        let mut unseen = vec![self.unseen_by_squares(&alone.fit)?];
+        let mut unseen = vec![self.unseen_by_squares(&alone)?];
         let mut front = vec![alone];
         let mut visited: BTreeSet<Vec<usize>> = BTreeSet::new();
         for turn in 0..JOINS {
@@ -267,7 +266,7 @@ impl Problem {
                     c.left.by_name()
                 );
             }
-            let of = |c: &Coarse| self.unseen_by_squares(&c.fit);
+            let of = |c: &Coarse| self.unseen_by_squares(c);
             let new: Vec<Unseen> = made.iter().filter_map(of).collect();
             for n in &new {
                 tracing::debug!(
@@ -295,7 +294,7 @@ impl Problem {
         let coarse = held.coarse(&self.left(&fit.terms, &fit.point));
         let point = coarse.with_starts(&fit.terms, &fit.point)?;
         let predicted = held.predicted(&fit.terms, &point);
-        Some(held.left_by_stretch(&predicted, STRETCHES.div_ceil(predicted.len().max(1))))
+        Some(held.left_by_stretch(&predicted, stretches_of_each(predicted.len())))
     }
 }
 
@@ -359,9 +358,7 @@ impl Problem {
         let Some((left, of_rival)) = both else {
             return true;
         };
-        let (mean, se) = self
-            .scored_unseen(&laws.fit, left)
-            .beside(&self.scored_unseen(rival, of_rival));
+        let (mean, se) = beside(&self.scores(&left), &self.scores(&of_rival));
         tracing::debug!(
             "{:?} against {:?} on runs not seen: {mean:.3} ({se:.3})",
             self.names(&laws.fit),

@@ -24,7 +24,7 @@ const PARTS: usize = 4;
 
 /// Stretches of all runs together from which the standard error of a mean error is taken, at least: a mean over two runs has none
 /// to speak of.
-pub const STRETCHES: usize = 8;
+const STRETCHES: usize = 8;
 
 /// Fits that know of no random force.
 const BY_SQUARES: Effort = Effort {
@@ -34,6 +34,11 @@ const BY_SQUARES: Effort = Effort {
     decrement: 0.1,
     ..Effort::DEFAULT
 };
+
+/// Stretches of each of so many runs.
+pub(super) fn stretches_of_each(runs: usize) -> usize {
+    STRETCHES.div_ceil(runs.max(1))
+}
 
 /// These tables, and no random force.
 fn without_force(tables: &Tables) -> Cells {
@@ -105,14 +110,14 @@ impl Problem {
         Some(all)
     }
 
-    /// rms that each stretch of each run leaves where the other runs predict it, all by least squares; of a single run the same of each of its
-    /// parts, through which the motion goes on from what was before.
+    /// rms that each stretch of each run leaves where the other runs predict it, all by least squares; of a single run the same
+    /// of each of its parts, through which the motion goes on from what was before.
     pub fn left_by_others(&self, fit: &Fit) -> Option<Vec<Rms>> {
         match self.noises.used.as_slice() {
             [one] => self.left_by_other_parts(fit, one),
             _ => {
                 let values = self.one_run_out_by_squares(fit)?.values;
-                Some(self.left_by_stretch(&values, STRETCHES.div_ceil(values.len().max(1))))
+                Some(self.left_by_stretch(&values, stretches_of_each(values.len())))
             }
         }
     }
@@ -133,7 +138,7 @@ impl Problem {
             let made = only(false).least_squares(&fit.terms, &fit.point, &fit.cells.tables)?;
             let inside = only(true);
             let predicted = inside.predicted(&made.terms, &made.point);
-            Some(inside.left_by_stretch(&predicted, STRETCHES.div_ceil(PARTS)))
+            Some(inside.left_by_stretch(&predicted, stretches_of_each(PARTS)))
         });
         let each: Option<Vec<Vec<Rms>>> = each.into_iter().collect();
         Some(each?.into_iter().flatten().collect())

@@ -33,6 +33,12 @@ pub struct Prediction {
 const WORSE: f64 = 0.1;
 
 impl Problem {
+    /// Error of a channel that matters to nobody: the noise's sd or the tolerance, whichever is larger; `None` = not measured.
+    pub(super) fn noise_or_tolerance(&self, channel: Channel) -> Option<f64> {
+        let noise = self.noises.channels[channel].as_ref()?;
+        Some(noise.total_sd().max(self.body.tolerance[channel]))
+    }
+
     /// Whether runs are predicted worse than by another prediction: each error in units of noise, tolerance and of what the
     /// model's own numbers leave open. An effect that one run alone shows is not known to the others, and says so.
     pub fn predicts_worse(&self, of: &Prediction, than: &Prediction) -> bool {
@@ -42,8 +48,8 @@ impl Problem {
             let runs = left.len().max(1) as f64;
             let each = left.iter().zip(&of.sd).flat_map(|(rms, sd)| {
                 let channels = self.noises.channels.each();
-                channels.filter_map(|(c, noise)| {
-                    let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
+                channels.filter_map(|(c, _)| {
+                    let least = self.noise_or_tolerance(c)?;
                     let (error, open) = ((rms[c] / least).powi(2), (sd[c] / least).powi(2));
                     let score = error / (1.0 + open) + open.ln_1p();
                     score.is_finite().then_some((error / runs, score / runs))

@@ -1,5 +1,7 @@
 //! Figures of a fitted model: residuals, weights of its effects, predictions of runs it has not seen.
 
+use std::ops::Range;
+
 use hydroline_core::run::{Channel, PerChannel, Run};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
@@ -52,40 +54,39 @@ impl Problem {
 
     /// The same of each run.
     pub fn left_by_run(&self, predicted: &[Vec<PerChannel<f64>>]) -> Vec<Rms> {
-        let of = |(run, predicted): (usize, &Vec<PerChannel<f64>>)| {
-            let mut squares = Squares::default();
-            self.add_left(run, predicted, 0..predicted.len(), &mut squares);
-            squares.rms()
-        };
-        predicted.iter().enumerate().map(of).collect()
+        let runs = predicted.iter().enumerate();
+        runs.map(|(run, predicted)| self.left_within(run, predicted, 0..predicted.len()))
+            .collect()
     }
 
     /// The same of this many stretches of each run, within the samples that count.
     pub fn left_by_stretch(&self, predicted: &[Vec<PerChannel<f64>>], each: usize) -> Vec<Rms> {
-        let of = |(run, predicted): (usize, &Vec<PerChannel<f64>>)| -> Vec<Rms> {
+        let mut made = Vec::new();
+        for (run, predicted) in predicted.iter().enumerate() {
             let used = &self.noises.used[run];
-            let counts = |k: &usize| used[*k].iter().any(|u| *u);
-            let there: Vec<usize> = (0..used.len()).filter(counts).collect();
-            let (first, last) = (there.first().copied(), there.last().copied());
-            let (Some(first), Some(last)) = (first, last) else {
-                return Vec::new();
+            let counts = |used: &PerChannel<bool>| used.iter().any(|u| *u);
+            let (Some(first), Some(last)) =
+                (used.iter().position(counts), used.iter().rposition(counts))
+            else {
+                continue;
             };
             let edge = |i: usize| first + (last + 1 - first) * i / each;
-            let stretches = (0..each).map(|i| {
-                let mut squares = Squares::default();
-                self.add_left(run, predicted, edge(i)..edge(i + 1), &mut squares);
-                squares.rms()
-            });
-            stretches.collect()
-        };
-        predicted.iter().enumerate().flat_map(of).collect()
+            made.extend((0..each).map(|i| self.left_within(run, predicted, edge(i)..edge(i + 1))));
+        }
+        made
+    }
+
+    fn left_within(&self, run: usize, predicted: &[PerChannel<f64>], within: Range<usize>) -> Rms {
+        let mut squares = Squares::default();
+        self.add_left(run, predicted, within, &mut squares);
+        squares.rms()
     }
 
     fn add_left(
         &self,
         run: usize,
         predicted: &[PerChannel<f64>],
-        within: std::ops::Range<usize>,
+        within: Range<usize>,
         squares: &mut Squares,
     ) {
         let r = &self.body.recording.runs[run];

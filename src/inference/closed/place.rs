@@ -58,8 +58,8 @@ impl Problem {
     pub(super) fn is_worse(&self, form: &Rms, table: &Rms) -> bool {
         let size = |rms: &Rms| -> f64 {
             let each = self.noises.channels.each();
-            each.filter_map(|(c, noise)| {
-                let least = noise.as_ref()?.total_sd().max(self.body.tolerance[c]);
+            each.filter_map(|(c, _)| {
+                let least = self.noise_or_tolerance(c)?;
                 Some((rms[c] / least).powi(2)).filter(|v| v.is_finite())
             })
             .sum()

@@ -188,7 +188,8 @@ impl Tank {
         Ok(weights)
     }
 
-    /// A disturbance of this weight over the runs: the motion is all but linear in a force this small.
+    /// A disturbance of this weight over the runs, as if the motion were linear in it: a force along a short wave is weighed only
+    /// roughly so (2 to 7 mm where 4 are asked).
     ///
     /// # Errors
     /// [`ProveError`].

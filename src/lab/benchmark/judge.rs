@@ -196,20 +196,13 @@ pub fn judge(case: &Case, how: How) -> Result<Judged, ProveError> {
             judged.passed.push(("no_physics".into(), !invented));
         }
         Category::Precise => {
-            let main = judged
-                .truth
-                .iter()
-                .find(|t| t.exact)
-                .map(|t| t.effect.clone());
-            let is_main = |f: &Found| {
-                main.as_ref() == Some(&f.effect) || f.or.iter().any(|o| main.as_ref() == Some(o))
-            };
-            let in_all = |id: &String| {
-                !judged.equivalent.is_empty() && judged.equivalent.iter().all(|s| s.contains(id))
-            };
-            let named = judged.found.iter().any(|f| f.matters && is_main(f))
-                || main.as_ref().is_some_and(in_all);
-            let spurious = judged.found.iter().any(|f| f.matters && !is_main(f));
+            let main = judged.truth.iter().find(|t| t.exact).map(|t| &t.effect);
+            let is_main = |f: &Found| main.is_some_and(|m| f.effect == *m || f.or.contains(m));
+            let sets = &judged.equivalent;
+            let in_all = |id| !sets.is_empty() && sets.iter().all(|s| s.contains(id));
+            let mattering = || judged.found.iter().filter(|f| f.matters);
+            let named = mattering().any(is_main) || main.is_some_and(in_all);
+            let spurious = !mattering().all(is_main);
             judged.passed.push(("mechanism".into(), named));
             judged.passed.push(("no_spurious".into(), !spurious));
             judged
