@@ -72,9 +72,13 @@ pub fn printed() -> Vec<Printed> {
         "prove" "" prove::Proved<'static>,
         "prove" "With --images." prove::ProvedImages<'static>,
         "prove" "With --coupled." prove::ProvedCoupled<'static>,
+        "prove" "With --held-out." prove::ProvedHeldOut<'static>,
+        "prove" "With --invariance." prove::ProvedInvariance<'static>,
         "prove" "With --only ID." prove::One<'static>,
         "prove" "With --only image-N." prove::OneImage<'static>,
         "prove" "With --only coupled-N." prove::OneCoupled<'static>,
+        "prove" "With --only held_out-N." prove::OneHeldOut<'static>,
+        "prove" "With --only invariance-N." prove::OneInvariance<'static>,
     ]
 }
 

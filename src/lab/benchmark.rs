@@ -5,6 +5,9 @@
 //! diagnosis may see, and the key) -> `judge` (diagnosis without the key, then with it; beside the
 //! ideal `observer`) -> `score` (Wilson intervals, confusion, coverage) -> `table`.
 //!
+//! Beside them `held_out` asks whether runs that a verdict does not predict are said, and `invariance` whether what must not matter
+//! to a verdict does not.
+//!
 //! The motion is integrated here and not by the diagnosis' one-DOF model, so that an error of that
 //! model cannot hide on both sides.
 
@@ -18,8 +21,10 @@ pub mod experiment;
 pub mod export;
 pub mod external_law;
 pub mod faulty;
+pub mod held_out;
 pub mod images;
 pub mod instrument;
+pub mod invariance;
 pub mod judge;
 pub mod magnitudes;
 pub mod modulated;

@@ -195,3 +195,105 @@ fn a_wrong_tone_curve_has_one_verdict_from_every_command() {
         assert_eq!(row["sentence"], found["sentence"], "{kind}");
     }
 }
+
+/// Two runs of a vehicle whose thrusters lag, as motion alone: `run-1.mcap`, `run-1-poses.mcap` and the same of run 2 in the
+/// folder, the poses in `logs` too.
+fn lagging() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let own = Rig::builtin("lshpi").unwrap().effective_toml;
+    std::fs::write(at("rig.toml"), &own).unwrap();
+    let lag = "\n[[physics]]\neffect = \"thruster_lag\"\nlag_s = 0.25\n";
+    std::fs::write(at("tank.toml"), format!("{own}{lag}")).unwrap();
+    let [rig, tank] = ["rig.toml", "tank.toml"].map(|name| Rig::load(&at(name)).unwrap());
+    std::fs::create_dir(at("logs")).unwrap();
+    for (k, plan) in [(1, "reversals"), (2, "two-tone")] {
+        let options = Options {
+            motion_only: true,
+            tank: Some(tank.clone()),
+            seed: Some(k),
+            ..Options::default()
+        };
+        let poses = at(&format!("run-{k}-poses.mcap"));
+        let plan = Plan::load_or_builtin(plan).unwrap();
+        simulate(&rig, &plan, &poses, &options, &mut |_, _| ()).unwrap();
+        std::fs::copy(&poses, at(&format!("run-{k}.mcap"))).unwrap();
+        std::fs::copy(&poses, at(&format!("logs/run-{k}-poses.mcap"))).unwrap();
+    }
+    dir
+}
+
+/// A verdict as a campaign's sheet has it, beside the whole one.
+fn assert_same(sheet: &Value, found: &Value) {
+    let own = &sheet["diagnosed"]["Ok"];
+    for key in ["verdict", "sentence"] {
+        assert_eq!(own[key], found[key], "{key}");
+    }
+    let [ours, theirs] = [own, found].map(|v| v["effects"].as_array().unwrap());
+    assert_eq!(ours.len(), theirs.len());
+    for (ours, theirs) in ours.iter().zip(theirs) {
+        for key in ["effect", "probability", "matters"] {
+            assert_eq!(ours[key], theirs[key], "{key}");
+        }
+        let numbers = theirs["parameters"].as_object().unwrap();
+        assert_eq!(ours["parameters"].as_object().unwrap().len(), numbers.len());
+        for (name, number) in numbers {
+            let both = [&number["value"], &number["sd"]];
+            for (k, value) in both.into_iter().enumerate() {
+                assert_eq!(&ours["parameters"][name][k], value, "{name}");
+            }
+        }
+    }
+    for (channel, predicted) in own["predicted"].as_object().unwrap() {
+        let rms = &found["leave_one_run_out"]["rms"];
+        for (k, of) in ["before", "after", "noise"].into_iter().enumerate() {
+            assert_eq!(predicted[k], rms[of][channel], "{channel} {of}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "seven diagnoses, a minute of processor time: tests/nightly; every day diagnose and a series, and Python"]
+fn logs_of_motion_have_one_verdict_and_its_numbers_from_every_command() {
+    let dir = lagging();
+    let none = ["--rig", "rig.toml", "--time-limit", "none", "--json"];
+    let diagnosed = |logs: &[&str]| {
+        let words = [&["diagnose"], logs, &none[..]].concat();
+        json(&printed(dir.path(), &words))
+    };
+    let both = diagnosed(&["run-1-poses.mcap", "run-2-poses.mcap"]);
+    let effects = both["effects"].as_array().unwrap();
+    assert!(
+        effects.iter().any(|e| e["effect"] == "thruster_lag"),
+        "{}",
+        both["sentence"]
+    );
+    assert_eq!(diagnosed(&["run-2-poses.mcap", "run-1-poses.mcap"]), both);
+
+    let mut series = SERIES;
+    series[9] = "2";
+    let last = json(&printed(dir.path(), &[&series[..], &["--json"]].concat()));
+    assert_eq!(last["verdict"], both, "the last round of the series");
+
+    let words = [
+        "campaign",
+        "logs",
+        "--rig",
+        "rig.toml",
+        "--time-limit",
+        "none",
+    ];
+    printed(dir.path(), &[&words[..], &["--out", "campaign"]].concat());
+    let sheets = std::fs::read_dir(dir.path().join("campaign/store/sheets")).unwrap();
+    let sheets = sheets.map(|f| json(&std::fs::read_to_string(f.unwrap().path()).unwrap()));
+    let (of_runs, of_sets): (Vec<Value>, Vec<Value>) =
+        sheets.partition(|sheet| sheet["runs"].is_null());
+    assert_eq!((of_runs.len(), of_sets.len()), (2, 1));
+    assert_same(&of_sets[0], &both);
+    let alone = ["run-1-poses.mcap", "run-2-poses.mcap"].map(|log| diagnosed(&[log]));
+    for sheet in &of_runs {
+        let sentence = &sheet["diagnosed"]["Ok"]["sentence"];
+        let found = alone.iter().find(|f| f["sentence"] == *sentence).unwrap();
+        assert_same(sheet, found);
+    }
+}

@@ -80,7 +80,7 @@ sessions! {
         "src/guide/diagnose.md" "roll", bring_the_roll_decay, [];
     logs_of_others_become_verdicts: "src/guide/import.md" "foreign", has_python, FOREIGN;
     logs_of_two_days_are_compared: "src/guide/campaign.md" "campaign", nothing, [];
-    sealed_cases_are_proved nightly "seven cases, twenty minutes together":
+    sealed_cases_are_proved nightly "nine cases, twenty minutes together":
         "src/guide/validation.md" "prove", nothing, FEW;
     the_service_s_files_are_installed: "src/guide/service.md" "install", bring_a_rig_and_a_calibration, INTO_A_FOLDER;
 }
@@ -182,7 +182,7 @@ hydroline import flight.bin --map flight.toml --rig",
 ];
 
 /// One case of each.
-const FEW: [Substitution; 6] = [
+const FEW: [Substitution; 8] = [
     Substitution {
         from: "hydroline prove      ",
         to: "hydroline prove --cases 1 ",
@@ -211,6 +211,16 @@ const FEW: [Substitution; 6] = [
     Substitution {
         from: "--coupled 24",
         to: "--coupled 1",
+        said: FEWER,
+    },
+    Substitution {
+        from: "--held-out 80",
+        to: "--held-out 1",
+        said: FEWER,
+    },
+    Substitution {
+        from: "--invariance 20",
+        to: "--invariance 1",
         said: FEWER,
     },
 ];

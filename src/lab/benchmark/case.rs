@@ -384,7 +384,7 @@ fn record(
 }
 
 /// Coefficients of surge up to 20 % off.
-fn off(rig: &Rig, rng: &mut StdRng) -> hydroline_rigs::Vehicle {
+pub(super) fn off(rig: &Rig, rng: &mut StdRng) -> hydroline_rigs::Vehicle {
     let mut vehicle = rig.vehicle.clone();
     for c in Coefficient::of(Dof::Surge) {
         let value = c.of_vehicle(&vehicle) * (0.8 + 0.4 * rng.random::<f64>());

@@ -8,6 +8,7 @@ mod drawn;
 mod make;
 
 pub use make::{CoupledCase, Instruments, There, make};
+pub(super) use make::{Measured, commands, motion};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -70,7 +71,7 @@ pub fn run(
 }
 
 /// Effect and words, e.g. `thruster_lag yaw`.
-fn named(effect: &str, words: &BTreeMap<String, String>) -> String {
+pub(super) fn named(effect: &str, words: &BTreeMap<String, String>) -> String {
     let words = words.values().map(String::as_str);
     let all: Vec<&str> = std::iter::once(effect).chain(words).collect();
     all.join(" ")

@@ -83,3 +83,32 @@ pub fn good(rng: &mut StdRng) -> Vec<Plan> {
 pub fn another(rng: &mut StdRng) -> Option<Plan> {
     good(rng).pop()
 }
+
+/// Two tones, each several times as fast as anything in the reversals and the coast-down of [`good`].
+pub fn fast(rng: &mut StdRng) -> Plan {
+    let mut tone = |size_n: [f64; 2], period_s: [f64; 2], for_s: f64| {
+        let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
+        let shape = Shape::Sine {
+            period_s: between(period_s),
+            phase_rad: 1.31,
+        };
+        step(for_s, between(size_n), shape)
+    };
+    let steps = vec![
+        tone([7.0, 10.0], [1.4, 2.2], 13.0),
+        tone([3.0, 5.0], [1.2, 1.8], 9.0),
+        step(RUN_S, 0.0, Shape::Hold),
+    ];
+    plan("fast-tones", steps)
+}
+
+/// The same plan with all wrenches this many times as large.
+pub fn times(mut plan: Plan, factor: f64) -> Plan {
+    for step in &mut plan.steps {
+        if let StepLoad::Wrench(w) = &step.load {
+            let scaled = w.to_array().map(|v| factor * v);
+            step.load = StepLoad::Wrench(Wrench::from_array(scaled));
+        }
+    }
+    plan
+}

@@ -94,6 +94,13 @@ impl Instruments {
             _ => Channel::POSES,
         }
     }
+
+    /// Stamps of a run \[s\].
+    fn stamps_s(self) -> Vec<f64> {
+        let rate_hz = self.rate_hz();
+        let count = (RUN_S * rate_hz) as u32;
+        (0..count).map(|k| 0.001 + f64::from(k) / rate_hz).collect()
+    }
 }
 
 /// A case.
@@ -111,10 +118,57 @@ pub struct CoupledCase {
     pub rig_factor: f64,
     /// The key, heaviest first.
     pub truth: Vec<There>,
+    /// The vehicle as it is, with its effects.
+    pub water: Rig,
+    /// Noise and losses of its measurement.
+    pub disturbance: Disturbance,
+    /// Stamps of the outliers of each run \[s\].
+    pub outliers_s: Vec<Vec<f64>>,
+}
+
+/// A run as its log holds it, and what only the key knows of it.
+#[derive(Debug, Clone)]
+pub(in crate::benchmark) struct Measured {
+    /// The log.
+    pub source: Source,
+    /// What instruments without noise would have reported at its stamps.
+    pub motion: Vec<PerChannel<f64>>,
+    /// Whether x of each sample is an outlier.
+    pub is_outlier: Vec<bool>,
+}
+
+impl Measured {
+    /// Stamps of the outliers \[s\].
+    pub fn outliers_s(&self) -> Vec<f64> {
+        let flagged = self.source.run.samples.iter().zip(&self.is_outlier);
+        flagged.filter(|f| *f.1).map(|f| f.0.t_s).collect()
+    }
+}
+
+impl CoupledCase {
+    /// One more run of these instruments, of this vehicle; `None` where its motion does not stay finite.
+    ///
+    /// # Errors
+    /// [`ProveError`].
+    pub(in crate::benchmark) fn record(
+        &self,
+        water: &Rig,
+        name: &str,
+        commands: Vec<Command>,
+        rng: &mut StdRng,
+    ) -> Result<Option<Measured>, ProveError> {
+        let log = Log {
+            water,
+            instruments: self.instruments,
+            stamps_s: &self.instruments.stamps_s(),
+            disturbance: &self.disturbance,
+        };
+        log.measured(name, commands, rng)
+    }
 }
 
 /// Steps, ramps of small steps and reversals in all three at their own times.
-fn commands(rng: &mut StdRng) -> Vec<Command> {
+pub(in crate::benchmark) fn commands(rng: &mut StdRng) -> Vec<Command> {
     let mut edges: Vec<(f64, usize, f64)> = Vec::new();
     for d in [0, 1, 5] {
         let mut t_s = between(rng, 0.0, 1.0);
@@ -134,7 +188,7 @@ fn commands(rng: &mut StdRng) -> Vec<Command> {
 }
 
 /// Pose and rates at each stamp, as instruments without noise report them; `None` where the motion does not stay finite.
-fn motion(
+pub(in crate::benchmark) fn motion(
     rig: &Rig,
     commands: &[Command],
     stamps_s: &[f64],
@@ -247,10 +301,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
     let mut rng = StdRng::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ index as u64);
     let rig = Rig::builtin("lshpi")?;
     let instruments = Instruments::of(index);
-    let rate_hz = instruments.rate_hz();
-    let stamps_s: Vec<f64> = (0..(RUN_S * rate_hz) as u32)
-        .map(|k| 0.001 + f64::from(k) / rate_hz)
-        .collect();
+    let stamps_s = instruments.stamps_s();
     let mut last = String::new();
     for _ in 0..TRIES {
         let mut water = rig.clone();
@@ -307,7 +358,7 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
             }
         }
         let disturbance = Disturbance::draw(index % 5 == 4, &mut rng);
-        let sources: Result<Option<Vec<Source>>, ProveError> = plans
+        let measured: Result<Option<Vec<Measured>>, ProveError> = plans
             .into_iter()
             .enumerate()
             .map(|(k, plan)| {
@@ -317,20 +368,23 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
                     stamps_s: &stamps_s,
                     disturbance: &disturbance,
                 };
-                log.measured(k, plan, &mut rng)
+                log.measured(&format!("run{k}"), plan, &mut rng)
             })
             .collect();
-        let Some(sources) = sources? else {
+        let Some(measured) = measured? else {
             last = "no finite motion".to_owned();
             continue;
         };
         return Ok(CoupledCase {
             index,
             instruments,
-            sources,
+            outliers_s: measured.iter().map(Measured::outliers_s).collect(),
+            sources: measured.into_iter().map(|m| m.source).collect(),
             rig: given,
             rig_factor,
             truth,
+            water,
+            disturbance,
         });
     }
     Err(ProveError::NoCase {
@@ -370,10 +424,10 @@ impl Log<'_> {
     /// A run as its log holds it; `None` where its motion does not stay finite.
     fn measured(
         &self,
-        run: usize,
+        name: &str,
         commands: Vec<Command>,
         rng: &mut StdRng,
-    ) -> Result<Option<Source>, ProveError> {
+    ) -> Result<Option<Measured>, ProveError> {
         let Log {
             stamps_s,
             disturbance,
@@ -388,7 +442,7 @@ impl Log<'_> {
             .collect();
         let far = disturbance.far_off(stamps_s.len(), rng);
         let arrives = disturbance.arrives(stamps_s, rng);
-        let mut samples = Vec::new();
+        let (mut samples, mut seen, mut is_outlier) = (Vec::new(), Vec::new(), Vec::new());
         for (k, t_s) in stamps_s.iter().enumerate() {
             let mut values = PerChannel::NAN;
             for c in self.instruments.measured() {
@@ -408,16 +462,23 @@ impl Log<'_> {
                     values,
                     covariance: None,
                 });
+                seen.push(motion[k]);
+                is_outlier.push(far[k] != 0.0);
             }
         }
-        Ok(Some(Source {
-            run: Run {
-                name: format!("run{run}"),
-                commands,
-                samples,
-                ..Run::default()
+        let run = Run {
+            name: name.to_owned(),
+            commands,
+            samples,
+            ..Run::default()
+        };
+        Ok(Some(Measured {
+            source: Source {
+                run,
+                ..Source::default()
             },
-            ..Source::default()
+            motion: seen,
+            is_outlier,
         }))
     }
 }

@@ -2,7 +2,7 @@
 
 use hydroline_diagnose::Diagnosis;
 use hydroline_diagnose::verdict::ClosedForm;
-use hydroline_rigs::{PhysicsEntry, PlanStep, StepLoad, Wrench};
+use hydroline_rigs::PhysicsEntry;
 use rand::{SeedableRng, rngs::StdRng};
 
 use super::Judged;
@@ -24,16 +24,6 @@ const ENDS: usize = 3;
 /// Surge rate at which a force of place that goes with the rate is compared \[m/s\].
 const RATE_MPS: f64 = 0.1;
 
-fn doubled(step: &PlanStep) -> PlanStep {
-    match &step.load {
-        StepLoad::Wrench(w) => PlanStep {
-            load: StepLoad::Wrench(Wrench::from_array(w.to_array().map(|v| 2.0 * v))),
-            ..step.clone()
-        },
-        _ => step.clone(),
-    }
-}
-
 /// rms of runs of twice the load that nobody has seen over their noise: by the rig that is written, and by an observer
 /// that knows the law, and of all else what that rig says.
 fn twice_the_load(
@@ -43,13 +33,8 @@ fn twice_the_load(
 ) -> Result<[f64; 2], ProveError> {
     let tank = &case.key.tank;
     let mut rng = StdRng::seed_from_u64(tank.seed);
-    let hard = plans::good(&mut rng)
-        .into_iter()
-        .take(HARD_RUNS)
-        .map(|mut p| {
-            p.steps = p.steps.iter().map(doubled).collect();
-            p
-        });
+    let drawn = plans::good(&mut rng).into_iter().take(HARD_RUNS);
+    let hard = drawn.map(|plan| plans::times(plan, 2.0));
     let unnamed = |e: &&PhysicsEntry| ["written_force", "free_force"].contains(&e.effect.as_str());
     let known: Vec<PhysicsEntry> = made
         .rig
