@@ -113,6 +113,15 @@ pub enum ExternalLaw {
         /// Length \[s\].
         for_s: f64,
     },
+    /// m (w^2 s + 2 z w (q - u)), s' = q - u, m q' = -that: a payload on a spring, or water in a tank on board.
+    Slosh {
+        /// m \[kg\].
+        mass_kg: f64,
+        /// 2 pi / w \[s\].
+        period_s: f64,
+        /// z.
+        damping_ratio: f64,
+    },
     /// Drawn by composition.
     Composed(Composed),
     /// A known mechanism one number of which varies.
@@ -227,6 +236,17 @@ impl ExternalLaw {
                 let left = load_n * (1.0 - sag * own[0]).max(0.0);
                 rate[0] = left.abs() / 100.0 - own[0] / recovery_s;
                 left
+            }
+            ExternalLaw::Slosh {
+                mass_kg,
+                period_s,
+                damping_ratio,
+            } => {
+                let w = std::f64::consts::TAU / period_s;
+                let slip = own[1] - here.u_mps;
+                let pull = w * w * own[0] + 2.0 * damping_ratio * w * slip;
+                (rate[0], rate[1]) = (slip, -pull);
+                load_n + mass_kg * pull
             }
             ExternalLaw::Modulated(law) => law.thrust(load_n, here),
             _ => load_n,

@@ -2,7 +2,7 @@
 //!
 //! A run *missed* is driven as none of those fitted was (loads three times as large, or faster), of a vehicle with a mechanism
 //! that they do not show or with a law that is not the library's. Such cases are drawn until the rig that the diagnosis writes
-//! misses the true motion by five times the run's noise. A run *inside* stays within the loads and frequencies of those
+//! misses the true motion by five times the run's noise and what that rig's numbers leave open. A run *inside* stays within the loads and frequencies of those
 //! fitted, of a vehicle whose effects the diagnosis has all found. Every third case is coupled, the others have one DOF.
 
 mod coupled;
@@ -10,11 +10,12 @@ mod make;
 mod surge;
 mod words;
 
-pub use make::{Beyond, HeldOutCase, Kind, make};
+pub use make::{Beyond, Held, HeldOutCase, Kind, Miss, make};
 pub use words::{HeldOutScore, complaint, score, words};
 
 use std::collections::BTreeSet;
 
+use hydroline_core::run::Channel;
 use hydroline_diagnose::diagnose;
 use hydroline_diagnose::verdict::{Effect, Verdict, Word};
 
@@ -22,7 +23,7 @@ use super::cache::Kept;
 use super::coupled::named;
 use super::error::ProveError;
 
-/// Miss of the true motion over the run's noise from which a verdict has to say it.
+/// Miss of the true motion, over the run's noise and over that with what the numbers leave open, from which a verdict has to say it.
 pub const MISSED: f64 = 5.0;
 /// Diagnoses before a case is left as it was drawn last: each takes half a minute to a minute.
 const DIAGNOSES: usize = 4;
@@ -54,6 +55,11 @@ pub struct HeldOutJudged {
     pub miss_over_noise: Option<f64>,
     /// That channel.
     pub channel: String,
+    /// sd of the motion that the sds of the rig's coefficients leave open there, over the noise.
+    pub open_over_noise: f64,
+    /// rms that the likeliest model leaves of the run by the verdict's own table, in the channel where it is largest, over the noise; absent = the
+    /// verdict has none.
+    pub left_over_noise: Option<f64>,
     /// The run is in `contradicted_by`.
     pub is_said: bool,
     /// Quantities that it is said to have beyond those fitted.
@@ -70,7 +76,13 @@ impl HeldOutJudged {
     /// Whether the case is what its kind asks for: a run that is missed, or a complete model.
     pub fn counts(&self) -> bool {
         match self.kind {
-            Kind::Missed => self.miss_over_noise.is_none_or(|m| m >= MISSED),
+            // The rig that is written lacks what is not established: the likeliest model has to miss too. What the numbers leave open
+            // contradicts nothing.
+            Kind::Missed => {
+                let expected = self.open_over_noise.hypot(1.0);
+                self.miss_over_noise.is_none_or(|m| m >= MISSED * expected)
+                    && self.left_over_noise.is_none_or(|m| m >= MISSED)
+            }
             Kind::Inside => self.is_complete,
         }
     }
@@ -136,7 +148,8 @@ pub fn judge(case: &HeldOutCase) -> Result<(HeldOutJudged, Verdict), ProveError>
     })?;
     let seconds = began.elapsed().as_secs_f64();
     let verdict = made.verdict;
-    let (channel, miss) = case.held.missed_by(&made.rig, case.is_coupled)?;
+    let numbers = &verdict.parameters.written;
+    let miss = case.held.missed_by(&made.rig, numbers, case.is_coupled)?;
     let said = verdict
         .contradicted_by
         .iter()
@@ -153,8 +166,10 @@ pub fn judge(case: &HeldOutCase) -> Result<(HeldOutJudged, Verdict), ProveError>
         word: verdict.verdict,
         sentence: verdict.sentence.clone(),
         is_complete: case.there.iter().all(|t| is_found(&verdict, t)),
-        miss_over_noise: miss,
-        channel: channel.name().to_owned(),
+        miss_over_noise: miss.over_noise,
+        channel: miss.channel.name().to_owned(),
+        open_over_noise: miss.open_over_noise,
+        left_over_noise: left_over_noise(&verdict, &case.held),
         is_said: said.is_some(),
         named: said.map_or_else(BTreeSet::new, |c| Beyond::named_in(&c.outside)),
         outside,
@@ -162,6 +177,13 @@ pub fn judge(case: &HeldOutCase) -> Result<(HeldOutJudged, Verdict), ProveError>
         seconds,
     };
     Ok((judged, verdict))
+}
+
+/// rms that the likeliest model leaves of the run held out, over the noise, in the channel where that is largest.
+fn left_over_noise(verdict: &Verdict, held: &Held) -> Option<f64> {
+    let after = verdict.fit.held_out.after.iter();
+    let each = after.filter_map(|(c, rms)| Some(rms / held.noise[Channel::named(c)?]));
+    each.filter(|v| v.is_finite()).reduce(f64::max)
 }
 
 /// Whether a verdict holds an effect, by its id or by its id with its words.

@@ -84,19 +84,20 @@ pub fn another(rng: &mut StdRng) -> Option<Plan> {
     good(rng).pop()
 }
 
-/// Two tones, each several times as fast as anything in the reversals and the coast-down of [`good`].
-pub fn fast(rng: &mut StdRng) -> Plan {
-    let mut tone = |size_n: [f64; 2], period_s: [f64; 2], for_s: f64| {
-        let mut between = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
+/// Two tones, each several times as fast as anything in the reversals and the coast-down of [`good`]; the first within a
+/// fiftieth of a period.
+pub fn fast(period_s: f64, rng: &mut StdRng) -> Plan {
+    let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+    let mut tone = |size: (f64, f64), period_s: f64, for_s: f64| {
         let shape = Shape::Sine {
-            period_s: between(period_s),
+            period_s: period_s * between(0.98, 1.02),
             phase_rad: 1.31,
         };
-        step(for_s, between(size_n), shape)
+        step(for_s, between(size.0, size.1), shape)
     };
     let steps = vec![
-        tone([7.0, 10.0], [1.4, 2.2], 13.0),
-        tone([3.0, 5.0], [1.2, 1.8], 9.0),
+        tone((7.0, 10.0), period_s, 16.0),
+        tone((3.0, 5.0), 0.8 * period_s, 6.0),
         step(RUN_S, 0.0, Shape::Hold),
     ];
     plan("fast-tones", steps)

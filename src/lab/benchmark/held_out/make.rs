@@ -1,9 +1,11 @@
 //! Makes cases with a run held out.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_diagnose::Source;
+use hydroline_diagnose::verdict::Value;
+use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::{Rig, VehicleModel};
 use rand::{SeedableRng, rngs::StdRng};
 
@@ -12,10 +14,10 @@ use crate::benchmark::coupled::motion;
 use crate::benchmark::error::ProveError;
 
 /// Draws before a case is given up.
-pub(super) const TRIES: usize = 60;
+pub(super) const TRIES: usize = 200;
 /// Factor of the loads of a run that goes beyond those fitted.
 pub(super) const LOADS: f64 = 3.0;
-/// Largest share of the tolerance that a mechanism may be worth over the runs fitted: they do not show it.
+/// Largest share of the tolerance that a mechanism of large loads may be worth over the runs fitted: they do not show that it matters.
 pub(super) const HIDDEN: f64 = 0.5;
 /// Least change of the run held out by the mechanism, over its noise. A diagnosis is not made for less than what has to be missed, and
 /// coefficients take up a part of it.
@@ -89,16 +91,28 @@ pub struct Held {
     pub noise: PerChannel<f64>,
 }
 
+/// Miss of the true motion of a run held out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Miss {
+    /// Channel in which it is largest for what is to be expected there.
+    pub channel: Channel,
+    /// Over the noise; `None` = no finite motion.
+    pub over_noise: Option<f64>,
+    /// sd of the motion that the numbers leave open, over the noise.
+    pub open_over_noise: f64,
+}
+
 impl Held {
-    /// Channel in which a rig misses the true motion most, and by how much, over the noise; `None` = the rig gives no finite motion.
+    /// Miss of the true motion by a rig, and what the sds of its coefficients leave open: each by itself, from the same start.
     ///
     /// # Errors
     /// [`ProveError`] of a rig that the simulator refuses.
     pub fn missed_by(
         &self,
         rig: &Rig,
+        numbers: &BTreeMap<String, Value>,
         is_coupled: bool,
-    ) -> Result<(Channel, Option<f64>), ProveError> {
+    ) -> Result<Miss, ProveError> {
         let mut rig = rig.clone();
         if !is_coupled {
             // As the truth of one DOF: what the pulses' grid leaks into others turns nothing.
@@ -106,19 +120,38 @@ impl Held {
         }
         let run = &self.source.run;
         let stamps_s: Vec<f64> = run.samples.iter().map(|s| s.t_s).collect();
-        let Some(predicted) = motion(&rig, &run.commands, &stamps_s)? else {
-            return Ok((Channel::X, None));
+        let endless = Miss {
+            channel: Channel::X,
+            over_noise: None,
+            open_over_noise: 0.0,
         };
-        let off = self.over_noise(&predicted);
-        let largest = off.each().filter(|(_, v)| v.is_finite());
-        let largest = largest.max_by(|a, b| a.1.total_cmp(b.1));
-        Ok(largest.map_or((Channel::X, None), |(c, v)| (c, Some(*v))))
-    }
-
-    /// rms of the difference between the true motion and another one, over the noise; NaN = not measured.
-    pub(super) fn over_noise(&self, other: &[PerChannel<f64>]) -> PerChannel<f64> {
-        let off = rms_between(&self.truth, other);
-        PerChannel::from_fn(|c| off[c] / self.noise[c])
+        let Some(predicted) = motion(&rig, &run.commands, &stamps_s)? else {
+            return Ok(endless);
+        };
+        let mut open = PerChannel::splat(0.0);
+        for (key, value) in numbers {
+            let Some((c, sd)) = Coefficient::find(key).zip(value.sd) else {
+                continue;
+            };
+            let mut other = rig.clone();
+            c.put(&mut other.vehicle, c.of_vehicle(&rig.vehicle) + sd);
+            if let Some(moved) = motion(&other, &run.commands, &stamps_s)? {
+                let by = rms_between(&predicted, &moved);
+                open = PerChannel::from_fn(|c| by[c].hypot(open[c]));
+            }
+        }
+        let off = rms_between(&self.truth, &predicted);
+        let misses = off.each().map(|(channel, off)| {
+            let miss = Miss {
+                channel,
+                over_noise: Some(off / self.noise[channel]),
+                open_over_noise: open[channel] / self.noise[channel],
+            };
+            (miss, off / self.noise[channel].hypot(open[channel]))
+        });
+        let largest = misses.filter(|m| m.1.is_finite());
+        let largest = largest.max_by(|a, b| a.1.total_cmp(&b.1));
+        Ok(largest.map_or(endless, |m| m.0))
     }
 }
 
@@ -217,7 +250,16 @@ mod tests {
         let top = a.sources.iter().map(largest).fold(0.0, f64::max);
         assert!(largest(&a.held.source) > 1.5 * top);
         // Of the rig file the vehicle is up to 20 % off.
-        assert!(a.held.missed_by(&a.rig, false).unwrap().1.unwrap() > MISSED);
+        let by_the_file = a.held.missed_by(&a.rig, &BTreeMap::new(), false).unwrap();
+        assert!(by_the_file.over_noise.unwrap() > MISSED);
+        // A tenth of its added mass leaves open what a tenth of it is worth.
+        let sd = Value {
+            value: a.rig.vehicle.coefficients[0].added,
+            sd: Some(0.1 * a.rig.vehicle.coefficients[0].added.abs()),
+        };
+        let numbers = [("x_udot".to_owned(), sd)].into_iter().collect();
+        let open = a.held.missed_by(&a.rig, &numbers, false).unwrap();
+        assert!(open.open_over_noise > 10.0, "{open:?}");
         let inside = make(1, 1, 0).unwrap();
         let top = inside.sources.iter().map(largest).fold(0.0, f64::max);
         assert!(largest(&inside.held.source) < top);

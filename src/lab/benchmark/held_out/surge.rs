@@ -1,9 +1,10 @@
 //! Cases of surge alone.
 
 use hydroline_core::run::{Channel, PerChannel};
+use hydroline_identify::parameter::Coefficient;
 use hydroline_numerics::span::rms;
-use hydroline_rigs::{ParameterValue, PhysicsEntry, Plan, Rig};
-use nalgebra::DVector;
+use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Plan, Rig};
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, rngs::StdRng};
 
 use super::make::{Beyond, HIDDEN, Held, HeldOutCase, Kind, LOADS, Place, SHOWN, TRIES};
@@ -29,29 +30,38 @@ const SLOW: [&str; 2] = ["reversals", "coast-down"];
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mechanism {
     Limit,
-    LagAndDeadband,
+    Slosh,
     Tether,
     SpeedBump,
     RoundLimit,
-    TwoStageLag,
     Cubic,
 }
 
 impl Mechanism {
+    /// In turn; the one that shows at other frequencies twice.
     const ALL: [Mechanism; 7] = [
         Mechanism::Limit,
-        Mechanism::LagAndDeadband,
+        Mechanism::Slosh,
         Mechanism::Tether,
         Mechanism::SpeedBump,
+        Mechanism::Slosh,
         Mechanism::RoundLimit,
-        Mechanism::TwoStageLag,
         Mechanism::Cubic,
     ];
 
     fn beyond(self) -> Beyond {
         match self {
-            Mechanism::LagAndDeadband | Mechanism::TwoStageLag => Beyond::Frequencies,
+            Mechanism::Slosh => Beyond::Frequencies,
             _ => Beyond::Loads,
+        }
+    }
+
+    /// Largest share of the tolerance that it may be worth over the runs fitted.
+    fn hidden(self) -> f64 {
+        match self {
+            // What swings on is seen in the colour of what is left, long before it matters.
+            Mechanism::Slosh => 0.2,
+            _ => HIDDEN,
         }
     }
 
@@ -59,18 +69,17 @@ impl Mechanism {
     fn names(self) -> Vec<String> {
         let all: &[&str] = match self {
             Mechanism::Limit => &["thruster_saturation"],
-            Mechanism::LagAndDeadband => &["thruster_lag", "thruster_deadband"],
+            Mechanism::Slosh => &["a payload that swings"],
             Mechanism::Tether => &["tether_spring"],
             Mechanism::SpeedBump => &["a drag at one speed"],
             Mechanism::RoundLimit => &["a thrust limit with a round shoulder"],
-            Mechanism::TwoStageLag => &["a lag of two stages"],
             Mechanism::Cubic => &["cubic_damping"],
         };
         all.iter().map(|n| (*n).to_owned()).collect()
     }
 
-    /// Puts it into a tank, beyond what the runs fitted reach.
-    fn put(self, tank: &mut Tank, fitted: &Reached, rng: &mut StdRng) {
+    /// Puts it into a tank, beyond what the runs fitted reach; `period_s` = where the run held out is fast.
+    fn put(self, tank: &mut Tank, fitted: &Reached, period_s: f64, rng: &mut StdRng) {
         let mut one = |effect: &str, numbers: &[(&str, f64)]| {
             tank.entries.push(entry(effect, numbers));
         };
@@ -78,10 +87,6 @@ impl Mechanism {
             Mechanism::Limit => {
                 let limit_n = fitted.top_n * between(rng, 1.1, 1.8);
                 one("thruster_saturation", &[("limit_n", limit_n)]);
-            }
-            Mechanism::LagAndDeadband => {
-                one("thruster_lag", &[("lag_s", between(rng, 0.1, 0.2))]);
-                one("thruster_deadband", &[("width_n", between(rng, 0.3, 0.5))]);
             }
             Mechanism::Tether => {
                 let slack_m = fitted.reach_m.1 + between(rng, 0.02, 0.1);
@@ -104,9 +109,13 @@ impl Mechanism {
                 let limit_n = fitted.top_n * between(rng, 1.4, 2.0);
                 tank.external_law = Some(ExternalLaw::SoftSaturation { limit_n });
             }
-            Mechanism::TwoStageLag => {
-                let lag_s = between(rng, 0.15, 0.4);
-                tank.external_law = Some(ExternalLaw::TwoStageLag { lag_s });
+            // Added mass to slow loads.
+            Mechanism::Slosh => {
+                tank.external_law = Some(ExternalLaw::Slosh {
+                    mass_kg: between(rng, 5.0, 30.0),
+                    period_s,
+                    damping_ratio: between(rng, 0.005, 0.02),
+                });
             }
         }
     }
@@ -157,6 +166,46 @@ fn positions(tank: &Tank, run: usize, recorded: &Recorded) -> Result<Vec<f64>, P
     mover.positions(run, &recorded.edges, &recorded.times_s)
 }
 
+/// What a mechanism changes of the motion and the vehicle's coefficients, fitted to the runs, do not take up: rms over these runs, and over the
+/// one held out \[m\]. `without` = the same vehicle without it.
+fn not_taken_up(
+    (with, without): (&Tank, &Tank),
+    (fitted, held): (&[Recorded], &Recorded),
+) -> Result<[f64; 2], ProveError> {
+    let moved = |tank: &Tank| -> Result<[DVector<f64>; 2], ProveError> {
+        let mut over = Vec::new();
+        for (k, run) in fitted.iter().enumerate() {
+            over.extend(positions(tank, k, run)?);
+        }
+        let beyond = positions(tank, fitted.len(), held)?;
+        Ok([over, beyond].map(DVector::from_vec))
+    };
+    let [mut fitted_m, mut held_m] = moved(without)?;
+    let [with_fitted, with_held] = moved(with)?;
+    (fitted_m, held_m) = (with_fitted - fitted_m, with_held - held_m);
+    let mut columns = [Vec::new(), Vec::new()];
+    for c in Coefficient::of(Dof::Surge) {
+        let value = c.of_vehicle(&without.vehicle);
+        let step = 1e-4 * value.abs();
+        let shifted = |v: f64| {
+            let mut tank = without.clone();
+            c.put(&mut tank.vehicle, v);
+            moved(&tank)
+        };
+        let (up, down) = (shifted(value + step)?, shifted(value - step)?);
+        for ((columns, up), down) in columns.iter_mut().zip(up).zip(down) {
+            columns.push((up - down) / (2.0 * step));
+        }
+    }
+    let [over, beyond] = columns.map(|c| DMatrix::from_columns(&c));
+    // Three columns that differ: they are never of a lower rank.
+    if let Ok(change) = over.clone().svd(true, true).solve(&fitted_m, 0.0) {
+        fitted_m -= over * &change;
+        held_m -= beyond * change;
+    }
+    Ok([rms(&fitted_m), rms(&held_m)])
+}
+
 fn record(tank: &Tank, plans: &[Plan]) -> Result<Vec<Recorded>, ProveError> {
     let each = plans.iter().enumerate();
     each.map(|(k, p)| tank.record(p, k, RUN_S)).collect()
@@ -173,6 +222,12 @@ fn bare(place: &Place, rng: &mut StdRng) -> Result<Tank, ProveError> {
         seed: rng.random(),
         rig,
     })
+}
+
+/// A plan with loads within those of others, of which `top_n` is the largest \[N\].
+fn within(tank: &Tank, plan: Plan, top_n: f64) -> Result<Plan, ProveError> {
+    let own_n = Tank::top_n(&tank.rig, std::slice::from_ref(&plan), RUN_S)?;
+    Ok(plans::times(plan, (INSIDE * top_n / own_n).min(1.0)))
 }
 
 /// A drawn case of this tank, its run held out recorded last.
@@ -213,27 +268,29 @@ pub(super) fn missed(place: &Place, rng: &mut StdRng) -> Result<HeldOutCase, Pro
     let mut last = String::new();
     for _ in 0..TRIES {
         let bare = bare(place, rng)?;
+        let period_s = between(rng, 1.1, 1.5);
         let mut fitted = plans::good(rng);
         let held = match beyond {
             Beyond::Frequencies => {
                 fitted.retain(|p| SLOW.contains(&p.name.as_str()));
-                Some(plans::fast(rng))
+                Some(plans::fast(period_s, rng))
             }
             _ => plans::another(rng).map(|p| plans::times(p, LOADS)),
         };
-        let Some(held) = held else { continue };
+        let Some(mut held) = held else { continue };
         let top_n = Tank::top_n(&bare.rig, &fitted, RUN_S)?;
+        if beyond == Beyond::Frequencies {
+            held = within(&bare, held, top_n)?;
+        }
         let mut tank = bare.clone();
         let reached = Reached::of(&bare, &record(&bare, &fitted)?, top_n)?;
-        mechanism.put(&mut tank, &reached, rng);
+        mechanism.put(&mut tank, &reached, period_s, rng);
         let runs = record(&tank, &fitted)?;
         let beyond_all = tank.record(&held, runs.len(), RUN_S)?;
-        let with = DVector::from_vec(positions(&tank, runs.len(), &beyond_all)?);
-        let without = DVector::from_vec(positions(&bare, runs.len(), &beyond_all)?);
-        let shown = rms(&(with - without)) / beyond_all.noise_rms_m();
-        let heaviest = tank.weights(&runs)?.into_iter().fold(0.0, f64::max);
-        let hidden = heaviest / tank.rig.tolerance.position_m;
-        if shown < SHOWN || (beyond == Beyond::Loads && hidden > HIDDEN) {
+        let [hidden_m, shown_m] = not_taken_up((&tank, &bare), (&runs, &beyond_all))?;
+        let shown = shown_m / beyond_all.noise_rms_m();
+        let hidden = hidden_m / tank.rig.tolerance.position_m;
+        if shown < SHOWN || hidden > mechanism.hidden() {
             last = format!("{shown:.1} noises held out, {hidden:.2} tolerances fitted");
             continue;
         }
@@ -273,11 +330,10 @@ pub(super) fn inside(place: &Place, rng: &mut StdRng) -> Result<HeldOutCase, Pro
         let Some(held) = plans::another(rng) else {
             continue;
         };
-        let own_n = Tank::top_n(&tank.rig, std::slice::from_ref(&held), RUN_S)?;
-        let held = plans::times(held, (INSIDE * top_n / own_n).min(1.0));
-        let within = tank.record(&held, runs.len(), RUN_S)?;
+        let held = within(&tank, held, top_n)?;
+        let inside = tank.record(&held, runs.len(), RUN_S)?;
         let there = tank.entries.iter().map(|e| e.effect.clone()).collect();
-        return case(place, (Kind::Inside, None), there, tank, (&runs, &within));
+        return case(place, (Kind::Inside, None), there, tank, (&runs, &inside));
     }
     Err(none(place, last))
 }

@@ -41,7 +41,10 @@ pub fn score(all: &[HeldOutJudged]) -> HeldOutScore {
 pub fn complaint(j: &HeldOutJudged) -> Option<String> {
     let miss = j.miss_over_noise.map_or_else(
         || "without end".to_owned(),
-        |m| format!("{m:.1} x the noise in {}", j.channel),
+        |m| {
+            let open = j.open_over_noise;
+            format!("{m:.1} x the noise in {} ({open:.1} left open)", j.channel)
+        },
     );
     let there = match j.there.join(", ") {
         none if none.is_empty() => "nothing".to_owned(),
@@ -126,6 +129,8 @@ mod tests {
             is_complete: true,
             miss_over_noise: Some(miss),
             channel: "x_m".to_owned(),
+            open_over_noise: 0.2,
+            left_over_noise: Some(miss),
             is_said: !named.is_empty(),
             named: named.iter().copied().collect::<BTreeSet<_>>(),
             outside: String::new(),
