@@ -43,6 +43,8 @@ pub struct Varied {
     pub shift_sds: f64,
     /// The number that shifts most; empty = there is none.
     pub shifted: String,
+    /// Its sd in this variant over that in the case as it is: above 1 the variant says less of it; absent = it has none.
+    pub sd_ratio: Option<f64>,
     /// `before` over what plain least squares leave, channel by channel.
     pub before_over_plain: BTreeMap<String, f64>,
 }
@@ -148,6 +150,7 @@ pub fn judge(base: &Base, variants: &[Variant]) -> Result<(InvarianceJudged, Ver
             is_same,
             shift_sds,
             shifted,
+            sd_ratio,
         } = compare(&verdict, &other, variant.scale());
         varied.push(Varied {
             variant: *variant,
@@ -156,6 +159,7 @@ pub fn judge(base: &Base, variants: &[Variant]) -> Result<(InvarianceJudged, Ver
             is_same,
             shift_sds,
             shifted,
+            sd_ratio,
             before_over_plain,
         });
     }
@@ -176,18 +180,25 @@ pub fn judge(base: &Base, variants: &[Variant]) -> Result<(InvarianceJudged, Ver
 mod tests {
     use super::*;
 
-    /// The order of the runs changes no bit, and the vehicle alone leaves what plain least squares leave.
+    /// The order of the runs changes no bit, the scale no word; and the vehicle alone leaves what plain least squares leave.
     #[test]
-    fn a_case_is_compared_with_itself_in_another_order_and_with_plain_least_squares() {
-        let base = make(1, 1).unwrap();
-        let (judged, _) = judge(&base, &[Variant::Reordered]).unwrap();
-        let [other] = judged.varied.as_slice() else {
+    fn a_case_is_compared_with_its_variants_and_with_plain_least_squares() {
+        // Nothing, over no background.
+        let base = make(1, 10).unwrap();
+        assert_eq!(base.of, "nothing-10");
+        let variants = [Variant::Reordered, Variant::Scaled];
+        let (judged, _) = judge(&base, &variants).unwrap();
+        let [reordered, scaled] = judged.varied.as_slice() else {
             panic!("{judged:?}");
         };
-        assert!(other.is_right() && other.shift_sds == 0.0, "{other:?}");
-        assert!(!other.shifted.is_empty(), "no number was compared");
+        assert!(
+            reordered.is_right() && reordered.shift_sds == 0.0,
+            "{reordered:?}"
+        );
+        assert!(scaled.is_same, "{scaled:?}");
+        assert!(!scaled.shifted.is_empty(), "no number was compared");
         let ratios: Vec<_> = judged.ratios().collect();
-        assert_eq!(ratios.len(), 2);
+        assert_eq!(ratios.len(), 3);
         assert!(ratios.iter().all(|r| is_plain(r.2)), "{ratios:?}");
     }
 }

@@ -248,7 +248,7 @@ mod tests {
         assert!(!a.held.source.run.same_recording(&other.held.source.run));
         let largest = |s: &Source| s.run.largest_wrench()[0];
         let top = a.sources.iter().map(largest).fold(0.0, f64::max);
-        assert!(largest(&a.held.source) > 1.5 * top);
+        assert!((largest(&a.held.source) / top - 3.0).abs() < 0.1);
         // Of the rig file the vehicle is up to 20 % off.
         let by_the_file = a.held.missed_by(&a.rig, &BTreeMap::new(), false).unwrap();
         assert!(by_the_file.over_noise.unwrap() > MISSED);

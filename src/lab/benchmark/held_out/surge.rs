@@ -224,10 +224,10 @@ fn bare(place: &Place, rng: &mut StdRng) -> Result<Tank, ProveError> {
     })
 }
 
-/// A plan with loads within those of others, of which `top_n` is the largest \[N\].
-fn within(tank: &Tank, plan: Plan, top_n: f64) -> Result<Plan, ProveError> {
+/// The same plan with this largest load \[N\].
+fn reaching(tank: &Tank, plan: Plan, top_n: f64) -> Result<Plan, ProveError> {
     let own_n = Tank::top_n(&tank.rig, std::slice::from_ref(&plan), RUN_S)?;
-    Ok(plans::times(plan, (INSIDE * top_n / own_n).min(1.0)))
+    Ok(plans::times(plan, top_n / own_n))
 }
 
 /// A drawn case of this tank, its run held out recorded last.
@@ -275,13 +275,15 @@ pub(super) fn missed(place: &Place, rng: &mut StdRng) -> Result<HeldOutCase, Pro
                 fitted.retain(|p| SLOW.contains(&p.name.as_str()));
                 Some(plans::fast(period_s, rng))
             }
-            _ => plans::another(rng).map(|p| plans::times(p, LOADS)),
+            _ => plans::another(rng),
         };
-        let Some(mut held) = held else { continue };
+        let Some(held) = held else { continue };
         let top_n = Tank::top_n(&bare.rig, &fitted, RUN_S)?;
-        if beyond == Beyond::Frequencies {
-            held = within(&bare, held, top_n)?;
-        }
+        let share = match beyond {
+            Beyond::Frequencies => INSIDE,
+            _ => LOADS,
+        };
+        let held = reaching(&bare, held, share * top_n)?;
         let mut tank = bare.clone();
         let reached = Reached::of(&bare, &record(&bare, &fitted)?, top_n)?;
         mechanism.put(&mut tank, &reached, period_s, rng);
@@ -330,7 +332,7 @@ pub(super) fn inside(place: &Place, rng: &mut StdRng) -> Result<HeldOutCase, Pro
         let Some(held) = plans::another(rng) else {
             continue;
         };
-        let held = within(&tank, held, top_n)?;
+        let held = reaching(&tank, held, INSIDE * top_n)?;
         let inside = tank.record(&held, runs.len(), RUN_S)?;
         let there = tank.entries.iter().map(|e| e.effect.clone()).collect();
         return case(place, (Kind::Inside, None), there, tank, (&runs, &inside));

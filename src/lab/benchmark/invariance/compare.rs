@@ -19,6 +19,8 @@ pub struct Compared {
     pub shift_sds: f64,
     /// That number; empty = there is none in both.
     pub shifted: String,
+    /// Its sd in the other verdict over that in this one: above 1, less is known of it; `None` = it has none.
+    pub sd_ratio: Option<f64>,
 }
 
 /// Power with which a number of an effect goes with the forces, by its unit.
@@ -80,17 +82,20 @@ pub fn compare(own: &Verdict, other: &Verdict, scale: f64) -> Compared {
         .into_iter()
         .filter_map(|(key, (value, power))| {
             let sd = value.sd.filter(|sd| *sd > 0.0)?;
-            let back = theirs.get(&key)?.0.value / scale.powi(power);
-            let shift = (back - value.value).abs() / sd;
+            let (there, back) = (theirs.get(&key)?.0, scale.powi(power));
+            let shift = (there.value / back - value.value).abs() / sd;
+            let ratio = there.sd.map(|there| there / back.abs() / sd);
             // JSON has neither NaN nor infinity.
-            Some((key, if shift.is_finite() { shift } else { f64::MAX }))
+            let shift = if shift.is_finite() { shift } else { f64::MAX };
+            Some((key, shift, ratio.filter(|r| r.is_finite())))
         });
     let largest = shifts.max_by(|a, b| a.1.total_cmp(&b.1));
-    let (shifted, shift_sds) = largest.unwrap_or_default();
+    let (shifted, shift_sds, sd_ratio) = largest.unwrap_or_default();
     Compared {
         is_same: own.verdict == other.verdict && is_alike,
         shift_sds,
         shifted,
+        sd_ratio,
     }
 }
 
@@ -155,6 +160,7 @@ mod tests {
         let moved = compare(&own, &verdict(-250.0, 0.304), 1.0);
         assert!((moved.shift_sds - 0.4).abs() < 1e-9);
         assert_eq!(moved.shifted, "coulomb_friction.f_n");
+        assert_eq!(moved.sd_ratio, Some(1.0));
         // As it is compared where nobody scales it back.
         assert!(compare(&own, &verdict(-250.0 * 60.0, 18.0), 1.0).shift_sds > 1000.0);
         let mut small = verdict(-250.0, 0.3);

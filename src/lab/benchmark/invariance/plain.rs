@@ -16,7 +16,7 @@ use hydroline_identify::method::Method;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::problem::{Objective, Problem};
 use hydroline_numerics::noise::Noise;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Rig, Vehicle};
 
 use super::base::Base;
 
@@ -75,9 +75,8 @@ impl Plain<'_> {
         });
     }
 
-    fn fitted(mut self) -> Result<Vec<f64>, IdentifyError> {
-        let start = self.problem.start();
-        let mut left = self.left(&start)?;
+    /// Fits, from these weights on: rms by slot.
+    fn fitted(mut self, mut left: Vec<f64>) -> Result<Vec<f64>, IdentifyError> {
         self.weigh(&left);
         let search = LevenbergMarquardt { starts: 1 };
         let mut at = search
@@ -106,38 +105,59 @@ fn coefficients(verdict: &Verdict) -> Vec<Coefficient> {
 }
 
 /// rms that the vehicle alone leaves by plain least squares, channel by channel; the same coefficients are free as for the diagnosis.
+/// With several channels there is more than one minimum: begun from the vehicle as it is and from what the diagnosis found, the one that
+/// leaves least counts, all channels together.
 ///
 /// # Errors
 /// [`IdentifyError`].
 pub fn left(base: &Base, verdict: &Verdict) -> Result<BTreeMap<String, f64>, IdentifyError> {
     let free = coefficients(verdict);
-    // From the vehicle as it is on: a rig that is off by a factor has it outside of the search's ranges.
+    let mut found = base.vehicle.clone();
+    for c in &free {
+        if let Some(value) = verdict.parameters.before.get(c.key()) {
+            c.put(&mut found, value.value);
+        }
+    }
+    let before = &verdict.fit.train.before;
+    let own = left_from(base, &free, &base.vehicle, &BTreeMap::new())?;
+    let theirs = left_from(base, &free, &found, before)?;
+    // As the logarithm of the likelihood has it; NaN = not measured.
+    let size = |left: &BTreeMap<String, f64>| -> f64 {
+        let logarithms = left.values().map(|v| v.ln());
+        logarithms.filter(|v| v.is_finite()).sum()
+    };
+    Ok(match size(&theirs) < size(&own) {
+        true => theirs,
+        false => own,
+    })
+}
+
+/// The same from a vehicle and from weights on: rms by channel, those at the start where they are not given.
+fn left_from(
+    base: &Base,
+    free: &[Coefficient],
+    from: &Vehicle,
+    weights: &BTreeMap<String, f64>,
+) -> Result<BTreeMap<String, f64>, IdentifyError> {
+    // A rig that is off by a factor has the minimum outside of its search's ranges.
     let rig = Rig {
-        vehicle: base.vehicle.clone(),
+        vehicle: from.clone(),
         physics: Vec::new(),
         ..base.rig.clone()
     };
     let runs: Vec<Run> = base.given.iter().map(|g| g.source.run.clone()).collect();
-    let is_one = free
-        .iter()
-        .all(|c| Some(c.dof) == free.first().map(|f| f.dof));
+    let is_one = free.iter().all(|c| c.dof == free[0].dof);
     let forward: Box<dyn Forward> = match free.first() {
-        Some(first) if is_one => Box::new(Axis::new(
-            &runs,
-            &rig.vehicle,
-            first.dof,
-            &free,
-            Start::Free,
-        )),
-        _ => Box::new(Coupled::new(&runs, &rig, &free, Start::Free, false)?),
+        Some(first) if is_one => {
+            Box::new(Axis::new(&runs, &rig.vehicle, first.dof, free, Start::Free))
+        }
+        _ => Box::new(Coupled::new(&runs, &rig, free, Start::Free, false)?),
     };
     let is_outlier = base.given.iter().enumerate().map(|(run, given)| {
         let times_s = forward.times_s(run).iter();
         let of = |t: &f64| {
-            given
-                .outliers_s
-                .iter()
-                .any(|o| (o - t).abs() < SAME_STAMP_S)
+            let mut outliers_s = given.outliers_s.iter();
+            outliers_s.any(|o| (o - t).abs() < SAME_STAMP_S)
         };
         times_s.map(of).collect()
     });
@@ -146,6 +166,9 @@ pub fn left(base: &Base, verdict: &Verdict) -> Result<BTreeMap<String, f64>, Ide
         problem: Problem::new(forward.as_ref(), &vec![1.0; forward.slots().len()]),
         forward: forward.as_ref(),
     };
-    let left = plain.fitted()?;
+    let at_start = plain.left(&plain.problem.start())?;
+    let pairs = forward.slots().iter().zip(at_start);
+    let first = pairs.map(|(slot, rms)| weights.get(slot).copied().unwrap_or(rms));
+    let left = plain.fitted(first.collect())?;
     Ok(forward.slots().iter().cloned().zip(left).collect())
 }

@@ -67,7 +67,15 @@ pub fn complaint(j: &InvarianceJudged) -> Option<String> {
         let name = v.variant.name();
         said.push(match v.is_same {
             false => format!("{name}: {}", v.sentence),
-            true => format!("{name}: {} shifts by {:.2} sd", v.shifted, v.shift_sds),
+            true => {
+                let known = v.sd_ratio.map_or(String::new(), |r| {
+                    format!(" (its sd is {r:.2} of what it was)")
+                });
+                format!(
+                    "{name}: {} shifts by {:.2} sd{known}",
+                    v.shifted, v.shift_sds
+                )
+            }
         });
     }
     for (variant, channel, ratio) in j.ratios().filter(|r| !is_plain(r.2)) {
@@ -139,6 +147,7 @@ mod tests {
             is_same: true,
             shift_sds,
             shifted: "x_udot".to_owned(),
+            sd_ratio: Some(1.1),
             before_over_plain: [("x_m".to_owned(), 1.01)].into_iter().collect(),
         };
         let judged = |shift_sds: f64, ratio: f64| InvarianceJudged {
