@@ -5,7 +5,8 @@
 //! facade gives them their names in one place. Devices, clocks and files are injected.
 //!
 //! ```
-//! use hydroline::identify::{Options, data::load, identify};
+//! use hydroline::estimate::{Options, identify};
+//! use hydroline::identify::data::load;
 //! use hydroline::simulate::{self, simulate};
 //! use hydroline_rigs::{Plan, Rig};
 //!
@@ -30,6 +31,7 @@ pub use hydroline_daemon::{
     analysis, calibrate, diagnostics, record, replay, signals, simulate, simulated,
 };
 pub use hydroline_diagnose as diagnose;
+pub use hydroline_estimate as estimate;
 pub use hydroline_identify as identify;
 pub use hydroline_identify::predict;
 pub use hydroline_import as import;

@@ -14,11 +14,9 @@
 
 use crate::sheet::{Cause, Change, Coefficients, Number, What};
 use hydroline_core::run::Run;
-use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_estimate::{EstimateError, ModelChoice, Options, Refitted, identify, refit};
+use hydroline_identify::Identification;
 use hydroline_identify::parameter::{Coefficient, Term};
-use hydroline_identify::{
-    Identification, IdentifyError, ModelChoice, Options, Refitted, identify, refit,
-};
 use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
 use std::collections::BTreeMap;
@@ -57,13 +55,12 @@ struct Shown {
     correlation_s: f64,
 }
 
-fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, IdentifyError> {
+fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, EstimateError> {
     identify(
         runs,
         rig,
         &Options {
             model: ModelChoice::Coupled,
-            method: &LevenbergMarquardt { starts: 1 },
             cross_validate: false,
             ..Options::default()
         },
@@ -80,7 +77,7 @@ pub fn change(
     since: &[String],
     load: &LoadRuns<'_>,
 ) -> Result<Change, String> {
-    let words = |e: IdentifyError| e.to_string();
+    let words = |e: EstimateError| e.to_string();
     let runs_before = load(rig, false)?;
     let before = fit(&runs_before, rig).map_err(words)?;
     let shown = shown(&before);
@@ -90,14 +87,14 @@ pub fn change(
     // for noise.
     let day = |rig: &Rig| -> Result<(Refitted, f64, f64), String> {
         let runs = load(rig, true)?;
-        let found = refit(&runs, rig, &before).map_err(words)?;
+        let found = refit(&runs, rig, &before, false).map_err(words)?;
         let (chi2, samples) = chi2(&found, &runs, &shown);
         Ok((found, chi2, samples))
     };
     // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
     // Covariance of the whole fit beyond the noise's (misfit, errors that poses share) widens a day's coefficients as those before.
-    let noise_alone = refit(&runs_before, &start, &before).map_err(words)?;
+    let noise_alone = refit(&runs_before, &start, &before, false).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
     let compared = Compared::of(&reference, &wider.apply(&as_is))
         .ok_or("no coefficient is determined on both sides")?;

@@ -15,10 +15,8 @@ use hydroline_core::shutdown::StopReason;
 use hydroline_daemon::record::{Report, floor};
 use hydroline_daemon::replay::{self, replay};
 use hydroline_diagnose::{Beside, Source, Watch, diagnose_beside, read};
-use hydroline_identify::data::{Start, load};
-use hydroline_identify::lm::LevenbergMarquardt;
-use hydroline_identify::problem::Objective;
-use hydroline_identify::{ModelChoice, Options, identify};
+use hydroline_estimate::{ModelChoice, Options, identify};
+use hydroline_identify::data::load;
 use hydroline_log::{LogReader, Record};
 use hydroline_plan::preflight::preflight;
 use hydroline_pose::run::PoseRun;
@@ -101,12 +99,8 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
     let runs: Result<Vec<Run>, _> = stripes.iter().map(|p| load(p, rig)).collect();
     let options = Options {
         model: ModelChoice::Axis(Dof::Surge),
-        method: &LevenbergMarquardt::default(),
-        objective: Objective::LeastSquares,
-        fixed: Vec::new(),
-        start: Start::Free,
         cross_validate: false,
-        seed: 1,
+        ..Options::default()
     };
     let found = identify(&runs?, rig, &options)?;
     outln!();

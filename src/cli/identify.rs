@@ -1,8 +1,6 @@
 //! `hydroline identify`: coefficients with their uncertainty from logs.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
@@ -11,34 +9,20 @@ use super::print::{self, errln, out, outln};
 use super::progress::Stages;
 use super::{CliError, Outcome, call, inputs};
 use hydroline_core::run::Run;
+use hydroline_estimate::{ModelChoice, Options, identify, refit};
+use hydroline_identify::Identification;
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::curve;
-use hydroline_identify::data::{STILL_MIN_S, Start, check_vehicle, is_still, load};
-use hydroline_identify::lm::LevenbergMarquardt;
-use hydroline_identify::method::{Method, MethodError, Solution};
+use hydroline_identify::data::{STILL_MIN_S, check_vehicle, is_still, load};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::problem::{Objective, Problem};
 use hydroline_identify::report::html;
-use hydroline_identify::{Identification, ModelChoice, Options, identify};
 use hydroline_report::significant;
-
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Search {
-    /// Levenberg-Marquardt with restarts: well under a second
-    Lm,
-    /// Evolution strategy with covariance adaptation: minutes
-    #[cfg(feature = "lab")]
-    Cmaes,
-    /// The paper's genetic algorithm (500 candidates, 2000 generations, best of ten): hours with several runs
-    #[cfg(feature = "lab")]
-    Ga,
-}
 
 /// Property of a result at which a script should stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FailOn {
-    /// Residuals that the noise does not explain: too large for it (chi2), or far from white
+    /// A model that does not explain the runs, by the same test as in diagnose
     Misfit,
 }
 
@@ -63,19 +47,12 @@ impl FailOn {
     }
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Loss {
-    /// Least squares weighted by the noise
-    Ls,
-    /// The paper's Eq. 10, each run normalised
-    L1,
-}
-
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Logs need /vehicle/motion (hydroline replay makes it from images, hydroline import from tables) and, unless they are \
-decay tests, /thruster/command. A log at rest for 20 s or more measures the noise; so do the first 20 s or more of a \
-run before its first load. Samples are weighed by the sd that their log says.
+decay tests, /thruster/command. A log at rest for 20 s or more shows the least noise; so do the first 20 s or more of a \
+run before its first load. Samples are weighed by the sd that their log says. The likelihood is that of diagnose, of the vehicle alone; \
+priors of coefficients are about the rig's numbers (to some 30 %, rarely far off), and tell where runs do not.
 
 Examples:
   hydroline identify run1.mcap run2.mcap --rig lshpi --report out
@@ -89,16 +66,9 @@ pub struct Args {
     /// Logs, all of the same vehicle
     #[arg(required_unless_present = "bollard", value_name = "LOG")]
     logs: Vec<PathBuf>,
-    /// Rig file or built-in name: mass, inertia, thrusters, and where the search starts
+    /// Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients
     #[arg(long, value_name = "RIG")]
     rig: String,
-    /// Search method. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1 times their size; for the paper's vehicle (rig
-    /// lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0), with which `cargo bench --bench identify` runs
-    #[arg(long, value_enum, default_value = "lm")]
-    method: Search,
-    /// Objective that the search minimises; intervals always come from the least squares
-    #[arg(long, value_enum, default_value = "ls")]
-    objective: Loss,
     /// surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
     #[arg(long, default_value = "auto", value_name = "MODEL")]
     model: String,
@@ -114,9 +84,9 @@ pub struct Args {
     /// Only motion up to this time of each log [s]
     #[arg(long, value_parser = inputs::not_negative, value_name = "S")]
     to: Option<f64>,
-    /// Seed of random starts and searches
-    #[arg(long, default_value = "1", value_name = "N")]
-    seed: u64,
+    /// Maximum likelihood: priors of coefficients and starts say nothing; what the runs do not determine is held at the rig's value
+    #[arg(long)]
+    flat_priors: bool,
     /// Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and
     /// uses it for the logs given, which makes the thrust scale identifiable
     #[arg(long, value_name = "DATA.csv")]
@@ -269,33 +239,18 @@ fn fitted(
     fixed: Vec<Coefficient>,
 ) -> Result<Identification, CliError> {
     let runs = runs(args, rig)?;
-    let method: Box<dyn Method> = match args.method {
-        Search::Lm => Box::new(LevenbergMarquardt::default()),
-        #[cfg(feature = "lab")]
-        Search::Cmaes => Box::new(hydroline_lab::cmaes::Cmaes::default()),
-        #[cfg(feature = "lab")]
-        Search::Ga => Box::new(hydroline_lab::ga::Genetic::default()),
-    };
     let stages = Stages::begin("identifying");
-    let method = &Watched(&*method, &stages);
+    let tell = |what: &str| stages.tell(what);
     let options = Options {
         model,
-        method,
-        objective: match args.objective {
-            Loss::Ls => Objective::LeastSquares,
-            Loss::L1 => Objective::SumOfAbsolute,
-        },
         fixed,
-        start: if args.from_rest {
-            Start::AtRest
-        } else {
-            Start::Free
-        },
+        from_rest: args.from_rest,
+        flat_priors: args.flat_priors,
         cross_validate: true,
-        seed: args.seed,
+        progress: &tell,
     };
     let mut result = identify(&runs, rig, &options)?;
-    thrust_scale(args, rig, &runs, &options, &mut result)?;
+    thrust_scale(args, rig, &runs, &mut result)?;
     Ok(result)
 }
 
@@ -405,7 +360,6 @@ fn thrust_scale(
     args: &Args,
     rig: &Rig,
     runs: &[Run],
-    options: &Options<'_>,
     result: &mut Identification,
 ) -> Result<(), CliError> {
     let Some(pull) = &rig.bollard else {
@@ -425,7 +379,6 @@ fn thrust_scale(
         );
         return Ok(());
     }
-    let quick = LevenbergMarquardt { starts: 1 };
     let mut values = Vec::new();
     for mut other in moved {
         // From where the fit ended: a refit is then a few steps.
@@ -434,26 +387,10 @@ fn thrust_scale(
                 c.put(&mut other.vehicle, p.value);
             }
         }
-        let again = identify(
-            &self::runs(args, &other)?,
-            &other,
-            &Options {
-                model: options.model,
-                method: &quick,
-                objective: options.objective,
-                fixed: options.fixed.clone(),
-                start: options.start,
-                cross_validate: false,
-                seed: options.seed,
-            },
-        )?;
-        values.push(
-            result
-                .order
-                .iter()
-                .map(|k| again.value(k).unwrap_or(f64::NAN))
-                .collect(),
-        );
+        let again = refit(&self::runs(args, &other)?, &other, result, args.from_rest)?;
+        let value = |key: &String| again.values.get(key).copied().or_else(|| result.value(key));
+        let of_all = result.order.iter().map(|k| value(k).unwrap_or(f64::NAN));
+        values.push(of_all.collect());
     }
     curve::widen(result, &values);
     result.blind_spots.retain(|b| b.what != "thrust_scale");
@@ -479,46 +416,6 @@ fn measure_curve(path: &std::path::Path, rig: &mut Rig) -> Result<Bollard, CliEr
     Ok(found)
 }
 
-/// Tells the watcher that the search is over.
-struct End<'a>(&'a AtomicBool, std::thread::Thread);
-
-impl Drop for End<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-        self.1.unpark();
-    }
-}
-
-/// A search that shows its evaluations: one for the fit, and one for each run that is left out.
-struct Watched<'a>(&'a dyn Method, &'a Stages);
-
-impl Method for Watched<'_> {
-    fn name(&self) -> &'static str {
-        self.0.name()
-    }
-
-    fn minimise(
-        &self,
-        problem: &Problem<'_>,
-        objective: Objective,
-        seed: u64,
-    ) -> Result<Solution, MethodError> {
-        self.1.tell("");
-        let done = AtomicBool::new(false);
-        std::thread::scope(|scope| {
-            let watcher = scope.spawn(|| {
-                while !done.load(Ordering::Relaxed) {
-                    self.1.at(&format!("{} evaluations", problem.evaluations()));
-                    std::thread::park_timeout(Duration::from_millis(100));
-                }
-            });
-            // Also when the search panics: a panic must not become a wait without end.
-            let _end = End(&done, watcher.thread().clone());
-            self.0.minimise(problem, objective, seed)
-        })
-    }
-}
-
 fn model(word: &str) -> Result<ModelChoice, CliError> {
     match word {
         "auto" => Ok(ModelChoice::Auto),
@@ -535,16 +432,9 @@ fn model(word: &str) -> Result<ModelChoice, CliError> {
     }
 }
 
-/// Misfits that are printed: one of each kind says what there is to do.
-const MISFITS: usize = 3;
-
 fn print(result: &Identification) {
-    outln!(
-        "{} by {} ({} evaluations)",
-        result.model,
-        result.method,
-        result.evaluations
-    );
+    outln!("{} ({} fits)", result.model, result.fits);
+    outln!("  {}", result.test.sentence);
     if let Some(words) = result.held() {
         outln!("  {words}");
     }
@@ -577,11 +467,6 @@ fn print(result: &Identification) {
             p.unit
         );
     }
-    if !result.misfit.is_empty() {
-        outln!(
-            "  THE MODEL DOES NOT EXPLAIN THESE RUNS: values and intervals hold for one that does; `hydroline diagnose` finds what is missing"
-        );
-    }
     for (slot, n) in &result.noise {
         let colour = if n.noise.coloured_sd > 0.0 {
             format!(
@@ -591,6 +476,9 @@ fn print(result: &Identification) {
         } else {
             " white".to_owned()
         };
+        let rest = n
+            .over_rest
+            .map_or(String::new(), |r| format!("; {r:.2} x that at rest"));
         let logged = n.logged.map_or(String::new(), |l| {
             format!(
                 "; {:.2} x the logged sd ({:.2e} .. {:.2e}), by which samples are weighed",
@@ -598,7 +486,7 @@ fn print(result: &Identification) {
             )
         });
         outln!(
-            "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}{logged}",
+            "  noise {slot}: {:.3e}{colour}, outliers {:.2} %, from {}{rest}{logged}",
             n.noise.white_sd,
             100.0 * n.outliers,
             n.source
@@ -623,19 +511,10 @@ fn print(result: &Identification) {
                 String::new()
             } else {
                 format!(
-                    "; the others leave {} open: at the rig's values there",
+                    "; the others leave {} open: known there as the rig says",
                     cv.held.join(", ")
                 )
             }
-        );
-    }
-    for words in result.misfit.iter().take(MISFITS) {
-        outln!("  MISFIT: {words}");
-    }
-    if result.misfit.len() > MISFITS {
-        outln!(
-            "  MISFIT: {} more of the kind (--json lists them)",
-            result.misfit.len() - MISFITS
         );
     }
     for spot in &result.blind_spots {

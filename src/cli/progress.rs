@@ -125,15 +125,6 @@ impl Stages {
         }
     }
 
-    /// Shows the progress within a stage, in words.
-    pub fn at(&self, stage: &str) {
-        let mut now = self.stage_now.now.held();
-        stage.clone_into(&mut now.stage);
-        self.hear(stage, now.stages);
-        drop(now);
-        self.bar.set_prefix(stage.to_owned());
-    }
-
     /// The next stage.
     pub fn tell(&self, stage: &str) {
         let mut now = self.stage_now.now.held();

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use hydroline_identify::IdentifyError;
+use hydroline_identify::data::TooSparse;
 use hydroline_inference::limit::Account;
 use hydroline_report::Body;
 use hydroline_rigs::Rig;
@@ -22,7 +22,7 @@ pub enum DiagnoseError {
     NothingMoves(usize),
     /// Runs that show no motion of any DOF.
     #[error(transparent)]
-    Runs(#[from] IdentifyError),
+    Runs(#[from] TooSparse),
     #[error(transparent)]
     Effect(#[from] EffectError),
     #[error(transparent)]

@@ -11,7 +11,7 @@ use hydroline_report::significant;
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// Standard deviations within which a coefficient is taken for zero.
-pub(crate) const ZERO_WITHIN_SD: f64 = 2.0;
+pub const ZERO_WITHIN_SD: f64 = 2.0;
 
 /// One coefficient of a result.
 struct Found<'r> {
@@ -155,8 +155,8 @@ struct Written {
 /// C_tt - B C_kt of their own, and B D B^T of the kept ones' error D beside their rig's values.
 ///
 /// D is the mean square of that error when the rig's uncertainty and the data are put together: with
-/// V = (C_kk^-1 + prior_sd^-2)^-1 and the mean d = V C_kk^-1 (k - rig) it is V + d d^T. Of what the fit held at the
-/// rig's value C_kk says that already.
+/// V = (C_kk^-1 + prior_sd^-2)^-1 and the mean d = V C_kk^-1 (k - rig) it is V + d d^T. Of what was fitted beside the
+/// rig's priors, or held at the rig's value, C_kk says that already: V = C_kk.
 fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written {
     let cell = |i: usize, j: usize| {
         let row = result.covariance.get(all[i].place)?;
@@ -181,7 +181,7 @@ fn beside_kept(result: &Identification, all: &[Found<'_>], rig: &Rig) -> Written
     let of_rig = DMatrix::from_fn(kept.len(), kept.len(), |a, b| {
         let estimate = all[kept[a]].estimate;
         let held = !estimate.excited && !estimate.at_bound && estimate.value == said(kept[a]);
-        if a == b && !held {
+        if a == b && !held && result.flat_priors {
             (scale(kept[a]) / all[kept[a]].coefficient.prior_sd(rig).max(1e-9)).powi(2)
         } else {
             0.0

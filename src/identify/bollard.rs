@@ -5,19 +5,15 @@
 //! table holds voltages that differ. Quadratic in the pulse as propeller thrust is in the
 //! rate of turn (Carlton, Marine Propellers and Propulsion, ch. 6).
 
-use hydroline_numerics::noise::{Noise, OUTLIER_SD};
+use hydroline_numerics::information::Covariance;
+use hydroline_numerics::least_squares::{LeastSquares, Normal, Options, minimise};
+use hydroline_numerics::noise::OUTLIER_SD;
 use hydroline_numerics::statistics::{ljung_box, median, robust_sd};
 use hydroline_rigs::{BollardPull, Rig};
 use hydroline_sim::{Dual, Real};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, Dyn};
 use serde::Serialize;
-
-use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
-use super::lm::{LevenbergMarquardt, least_squares};
-use super::method::{Method, MethodError};
-use super::parameter::Free;
-use super::problem::{Objective, Problem};
-use super::uncertainty::covariance;
+use std::convert::Infallible;
 
 /// Reading of a bollard pull: what the scale shows at one pulse.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,10 +77,6 @@ pub enum BollardError {
         /// First point after it: (pulse \[us\], thrust \[N\]).
         to: (f64, f64),
     },
-    #[error(transparent)]
-    Method(#[from] MethodError),
-    #[error(transparent)]
-    Forward(#[from] ForwardError),
 }
 
 /// Reads `pulse_us,thrust_n[,voltage_v]`; columns by name, any order.
@@ -126,10 +118,21 @@ pub fn read(text: &str, file: &str) -> Result<Vec<Pull>, BollardError> {
     Ok(pulls)
 }
 
+/// A number of the curve with its range.
+#[derive(Debug, Clone, Copy)]
+struct Number {
+    name: &'static str,
+    start: f64,
+    low: f64,
+    high: f64,
+}
+
 struct Model {
     pulls: Vec<Pull>,
-    observed: Observed,
+    numbers: Vec<Number>,
     middle_v: f64,
+    /// Readings that count.
+    used: Vec<bool>,
 }
 
 impl Model {
@@ -146,58 +149,106 @@ impl Model {
             _ => shape,
         }
     }
-}
 
-impl Forward for Model {
-    fn observed(&self) -> &Observed {
-        &self.observed
+    /// Curve minus reading \[N\].
+    fn residuals(&self, at: &[f64]) -> Vec<f64> {
+        let each = self.pulls.iter();
+        each.map(|r| self.thrust(at, r.pulse_us, r.voltage_v) - r.thrust_n)
+            .collect()
     }
-    fn values(
-        &self,
-        _run: usize,
-        parameters: &[f64],
-        out: &mut Vec<f64>,
-    ) -> Result<(), ForwardError> {
-        out.clear();
-        out.extend(
-            self.pulls
+
+    /// The curve with the least sum of squares, from several widths of the deadband: beside an edge that is too far out no reading
+    /// says where it is.
+    fn fitted(&mut self, near: Option<&[f64]>) -> Vec<f64> {
+        let starts: Vec<Vec<f64>> = match near {
+            Some(at) => vec![at.to_vec()],
+            None => DEADBANDS
                 .iter()
-                .map(|r| self.thrust(parameters, r.pulse_us, r.voltage_v)),
-        );
-        Ok(())
-    }
-    fn sensitivities(
-        &self,
-        _run: usize,
-        parameters: &[f64],
-        out: &mut Vec<f64>,
-    ) -> Result<DMatrix<f64>, ForwardError> {
-        out.clear();
-        let duals: Vec<Dual<7>> = parameters
-            .iter()
-            .enumerate()
-            .map(|(i, v)| Dual::variable(*v, i))
-            .collect();
-        let mut jacobian = DMatrix::zeros(self.pulls.len(), parameters.len());
-        for (row, r) in self.pulls.iter().enumerate() {
-            let thrust = self.thrust(&duals, r.pulse_us, r.voltage_v);
-            out.push(thrust.value);
-            for (i, slope) in thrust.slope.iter().enumerate().take(parameters.len()) {
-                jacobian[(row, i)] = *slope;
+                .map(|share| {
+                    let start = |n: &Number| match n.name {
+                        EDGE_AHEAD => n.low + share * (n.high - n.low),
+                        EDGE_ASTERN => n.high - share * (n.high - n.low),
+                        _ => n.start,
+                    };
+                    self.numbers.iter().map(start).collect()
+                })
+                .collect(),
+        };
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for start in starts {
+            let Ok(found) = minimise(self, start, &Options::DEFAULT);
+            if best.as_ref().is_none_or(|b| found.normal.cost < b.0) {
+                best = Some((found.normal.cost, found.at));
             }
         }
-        Ok(jacobian)
+        best.map_or_else(Vec::new, |b| b.1)
     }
-    fn channels(&self, run: usize, parameters: &[f64]) -> Result<Vec<ChannelSeries>, ForwardError> {
-        let mut predicted = Vec::new();
-        self.values(run, parameters, &mut predicted)?;
-        Ok(vec![ChannelSeries {
-            name: "thrust_n".into(),
-            measured: self.measured(run).to_vec(),
-            predicted,
-        }])
+
+    fn normal(&self, at: &[f64]) -> Normal<Dyn> {
+        let n = at.len();
+        let duals: Vec<Dual<7>> = (0..n).map(|i| Dual::variable(at[i], i)).collect();
+        let mut made = Normal {
+            cost: 0.0,
+            gradient: DVector::zeros(n),
+            hessian: DMatrix::zeros(n, n),
+        };
+        for (r, _) in self.pulls.iter().zip(&self.used).filter(|(_, used)| **used) {
+            let thrust = self.thrust(&duals, r.pulse_us, r.voltage_v);
+            let residual = thrust.value - r.thrust_n;
+            made.cost += 0.5 * residual * residual;
+            for i in 0..n {
+                made.gradient[i] += thrust.slope[i] * residual;
+                for j in 0..n {
+                    made.hessian[(i, j)] += thrust.slope[i] * thrust.slope[j];
+                }
+            }
+        }
+        made
     }
 }
+
+impl LeastSquares<Dyn> for Model {
+    type Point = Vec<f64>;
+    type Evaluated = ();
+    type Error = Infallible;
+
+    fn cost(&mut self, at: &Vec<f64>, (): &mut ()) -> Option<f64> {
+        let each = self.residuals(at).into_iter().zip(&self.used);
+        let squares = each.filter(|(_, used)| **used).map(|(r, _)| r * r);
+        Some(0.5 * squares.sum::<f64>()).filter(|c| c.is_finite())
+    }
+
+    fn begin(&mut self, _: &Vec<f64>, (): &mut ()) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    fn linearise(&mut self, at: &Vec<f64>, (): &()) -> Result<Normal<Dyn>, Infallible> {
+        Ok(self.normal(at))
+    }
+
+    fn moved(&self, at: &Vec<f64>, step: &DVector<f64>) -> Option<Vec<f64>> {
+        let each = at.iter().zip(step).zip(&self.numbers);
+        Some(
+            each.map(|((v, s), n)| (v + s).clamp(n.low, n.high))
+                .collect(),
+        )
+    }
+
+    fn moves(&self, at: &Vec<f64>, gradient: &DVector<f64>, k: usize) -> bool {
+        // A number on its bound that wants out stays for this step.
+        let n = &self.numbers[k];
+        !((at[k] <= n.low && gradient[k] > 0.0) || (at[k] >= n.high && gradient[k] < 0.0))
+    }
+}
+
+const EDGE_AHEAD: &str = "edge_ahead_us";
+const EDGE_ASTERN: &str = "edge_astern_us";
+/// Shares of an edge's range at which fits begin.
+const DEADBANDS: [f64; 4] = [0.1, 0.0, 0.3, 0.6];
+/// Rounds of fit and outliers.
+const ROUNDS: usize = 4;
+/// A direction whose information is below this share of the largest (at unit information of each number) is rounding.
+const RANK: f64 = 1e-11;
 
 /// Fits the curve; `range_us` = (min, neutral, max) pulse of the rig.
 ///
@@ -229,8 +280,8 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         .map_or(0.0, |(high, low)| high - low);
     let with_voltage = volts.len() == pulls.len() && spread_v > 0.01 * middle_v;
     let (up_us, down_us) = (max_us - neutral_us, neutral_us - min_us);
-    let free = |name: &str, start: f64, low: f64, high: f64| Free {
-        name: name.into(),
+    let free = |name: &'static str, start: f64, low: f64, high: f64| Number {
+        name,
         start,
         low,
         high,
@@ -243,9 +294,9 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
             5.0 * largest / span_us.powi(2),
         )
     };
-    let mut globals = vec![
+    let mut numbers = vec![
         free(
-            "edge_ahead_us",
+            EDGE_AHEAD,
             neutral_us + 0.05 * up_us,
             neutral_us,
             neutral_us + 0.5 * up_us,
@@ -258,7 +309,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
             curvature(up_us).1,
         ),
         free(
-            "edge_astern_us",
+            EDGE_ASTERN,
             neutral_us - 0.05 * down_us,
             neutral_us - 0.5 * down_us,
             neutral_us,
@@ -272,48 +323,35 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         ),
     ];
     if with_voltage {
-        globals.push(free("voltage_exponent", 1.5, 0.0, 4.0));
+        numbers.push(free("voltage_exponent", 1.5, 0.0, 4.0));
     }
-    let model = Model {
-        observed: Observed {
-            globals,
-            slots: vec!["thrust_n".into()],
-            runs: vec![ObservedRun {
-                times_s: (0..pulls.len()).map(|i| i as f64).collect(),
-                measured: pulls.iter().map(|p| p.thrust_n).collect(),
-                ..ObservedRun::default()
-            }],
-        },
+    let mut model = Model {
         pulls: pulls.to_vec(),
+        numbers,
         middle_v,
+        used: vec![true; pulls.len()],
     };
-    let mut problem = Problem::new(&model, &[1.0]);
-    let mut at = LevenbergMarquardt { starts: 8 }
-        .minimise(&problem, Objective::LeastSquares, 1)?
-        .parameters;
-    let mut used = vec![true; pulls.len()];
-    for _ in 0..4 {
-        let residuals = problem.raw_residuals(0, &at)?;
-        let sd = robust_sd(&residuals[0]).max(1e-9);
-        let next: Vec<bool> = residuals[0]
-            .iter()
-            .map(|r| r.abs() <= OUTLIER_SD * sd)
-            .collect();
-        let same = next == used;
-        used = next;
-        problem.set_noise(&[Noise::white(1.0)], |_, _, k| used[k]);
-        at = least_squares(&problem, at, &vec![false; model.globals().len()])?.parameters;
+    let mut at = model.fitted(None);
+    for _ in 0..ROUNDS {
+        let residuals = model.residuals(&at);
+        let sd = robust_sd(&residuals).max(1e-9);
+        let each = residuals.iter();
+        let next: Vec<bool> = each.map(|r| r.abs() <= OUTLIER_SD * sd).collect();
+        let same = next == model.used;
+        model.used = next;
+        at = model.fitted(Some(&at));
         if same {
             break;
         }
     }
-    let normal = problem.normal(&at)?;
-    let freedom = (problem.samples() as f64 - at.len() as f64).max(1.0);
-    let variance = 2.0 * normal.cost / freedom;
-    let c = covariance(&normal.hessian) * variance;
+    let normal = model.normal(&at);
     let n = at.len();
-    let residuals = problem.raw_residuals(0, &at)?;
-    let notes = notes_on(&model, &at, &residuals[0], &used, range_us);
+    let counted = model.used.iter().filter(|u| **u).count();
+    let freedom = (counted as f64 - n as f64).max(1.0);
+    let variance = 2.0 * normal.cost / freedom;
+    let c = Covariance::of_information(&normal.hessian, RANK).with_infinities() * variance;
+    let residuals = model.residuals(&at);
+    let notes = notes_on(&model, &at, &residuals, range_us);
     let duals: Vec<Dual<7>> = at
         .iter()
         .enumerate()
@@ -334,7 +372,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         m.row_iter().map(|r| r.iter().copied().collect()).collect()
     };
     Ok(Bollard {
-        order: model.globals().iter().map(|g| g.name.clone()).collect(),
+        order: model.numbers.iter().map(|n| n.name.to_owned()).collect(),
         curve: pulses
             .iter()
             .zip(&thrusts)
@@ -346,7 +384,7 @@ pub fn fit(pulls: &[Pull], range_us: (f64, f64, f64)) -> Result<Bollard, Bollard
         values: at,
         voltage_v: middle_v,
         rms_n: variance.sqrt(),
-        outliers: used.iter().filter(|u| !**u).count(),
+        outliers: pulls.len() - counted,
         notes,
     })
 }
@@ -363,11 +401,10 @@ fn notes_on(
     model: &Model,
     at: &[f64],
     residuals: &[f64],
-    used: &[bool],
     (min_us, neutral_us, max_us): (f64, f64, f64),
 ) -> Vec<String> {
     let mut notes = Vec::new();
-    for (free, value) in model.globals().iter().zip(at) {
+    for (free, value) in model.numbers.iter().zip(at) {
         // An edge at neutral is a thruster without a deadband.
         let on_bound = *value <= free.low || *value >= free.high;
         if on_bound && *value != neutral_us {
@@ -396,7 +433,10 @@ fn notes_on(
     }
     let by_pulse: Vec<f64> = order
         .iter()
-        .map(|k| if used[*k] { residuals[*k] } else { f64::NAN })
+        .map(|k| match model.used[*k] {
+            true => residuals[*k],
+            false => f64::NAN,
+        })
         .collect();
     let lags = (by_pulse.len() / 4).clamp(1, 10);
     if let Some(w) = ljung_box(&by_pulse, lags).filter(|w| w.p_value < NOT_WHITE && w.lag1 > 0.0) {

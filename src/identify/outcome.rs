@@ -5,8 +5,7 @@ use hydroline_numerics::statistics::Whiteness;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-use super::problem::Objective;
-use super::uncertainty::Profile;
+use super::model_test::ModelTest;
 
 /// One coefficient.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -33,7 +32,20 @@ pub struct Estimate {
     pub at_bound: bool,
 }
 
-/// Noise of one slot.
+/// Ends of a 95 % interval by profile likelihood: all other numbers fitted anew at each trial value.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct Profile {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+    /// The lower end is the search range, not the data.
+    pub low_open: bool,
+    /// The upper end is the search range, not the data.
+    pub high_open: bool,
+}
+
+/// Noise of one channel.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct SlotNoise {
     /// Level and colour.
@@ -41,14 +53,17 @@ pub struct SlotNoise {
     pub noise: Noise,
     /// Share of samples left out.
     pub outliers: f64,
-    /// `measured at rest` or `residuals`.
+    /// `measured at rest` or `residuals`: which of the two is the louder.
     pub source: String,
+    /// Noise in motion over noise at rest; absent = no stretch at rest measured this channel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_rest: Option<f64>,
     /// sd of the samples as the logs say it, by which they were weighed; absent = the logs say none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub logged: Option<Logged>,
 }
 
-/// sd of a slot's samples as the logs say it, in the slot's unit.
+/// sd of a channel's samples as the logs say it, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Logged {
     /// Median; the noise beside it is that of a sample with this sd.
@@ -61,22 +76,19 @@ pub struct Logged {
     pub scale: f64,
 }
 
-/// Whiteness of one run's residuals in one slot.
+/// Whiteness of one run's residuals in one channel.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Residuals {
     /// Name of the run.
     pub run: String,
-    /// Channel or combination of channels.
+    /// Channel; x and y along the body's axes.
     pub slot: String,
-    /// rms of measured - fitted, in the slot's unit.
+    /// rms of measured - fitted, in the channel's unit.
     pub rms: f64,
     /// Residuals as they are.
     pub plain: Option<Whiteness>,
     /// After the noise's colour was taken out.
     pub filtered: Option<Whiteness>,
-    /// The same beside the stretch at rest that measured the colour, which went through the same filter.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub at_rest: Option<Whiteness>,
 }
 
 /// A run predicted by the others.
@@ -84,7 +96,7 @@ pub struct Residuals {
 pub struct CrossValidation {
     /// Run left out.
     pub run: String,
-    /// Coefficients that the other runs leave open: held at the rig's values.
+    /// Coefficients that the other runs leave open: known there as the rig says them.
     pub held: Vec<String>,
     /// rms per channel when it is left out of the fit (only its start is fitted).
     pub left_out: BTreeMap<String, f64>,
@@ -157,16 +169,12 @@ impl Trace {
 pub struct Identification {
     /// Equations: `surge` .. `yaw` (one DOF), `eq1` or `decoupled`.
     pub model: String,
-    /// `lm`, `cmaes`, `ga`.
-    pub method: String,
-    /// Objective that was minimised first; intervals always come from the least squares.
-    pub objective: Objective,
-    /// Its value.
-    pub objective_value: f64,
-    /// Number of evaluations in the search, its refits and the profiles.
-    pub evaluations: usize,
-    /// Whether the method converged.
-    pub converged: bool,
+    /// Whether the priors of coefficients and starts say nothing (`--flat-priors`: maximum likelihood).
+    pub flat_priors: bool,
+    /// Log evidence of the model, its numbers integrated out, up to the samples that count \[nat\].
+    pub ln_evidence: f64,
+    /// Number of fits: from several starts, beside each noise, and along the profiles.
+    pub fits: usize,
     /// Coefficients by key.
     pub parameters: BTreeMap<String, Estimate>,
     /// Order of rows and columns below.
@@ -175,13 +183,15 @@ pub struct Identification {
     pub covariance: Vec<Vec<Option<f64>>>,
     /// Correlation matrix of the coefficients.
     pub correlation: Vec<Vec<f64>>,
-    /// Noise by slot.
+    /// Noise by channel.
     pub noise: BTreeMap<String, SlotNoise>,
-    /// Residual variance over the noise used (1 = the noise explains the residuals).
+    /// Residual variance over that of the noise at rest, where it was measured, else over the noise found (1 = the noise explains the residuals).
     pub variance_ratio: f64,
-    /// Whiteness by run and slot.
+    /// Whiteness by run and channel.
     pub residuals: Vec<Residuals>,
-    /// Residuals that the noise does not explain: what was found, in words; empty = none.
+    /// Test of whether the model explains the runs, the same as in `diagnose`.
+    pub test: ModelTest,
+    /// Its sentence where the model does not; empty = it does.
     pub misfit: Vec<String>,
     /// Leave-one-run-out.
     pub cross_validation: Vec<CrossValidation>,

@@ -141,47 +141,6 @@ fn rigid(dof: Dof, vehicle: &Vehicle) -> f64 {
     }
 }
 
-/// A free number of a fit.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Free {
-    /// Name in results.
-    pub name: String,
-    /// Where the search starts.
-    pub start: f64,
-    /// Smallest value allowed.
-    pub low: f64,
-    /// Largest value allowed.
-    pub high: f64,
-}
-
-/// Search range about what the rig says: damping -10 to +1, added mass -5 to 0 times its size.
-///
-/// Damping may turn out positive: no hull has it, but a fit that is stopped at 0 hides that its
-/// model lacks something. A rig without the number gets Table 9's range for its mass or inertia, and a tenth of
-/// it above 0.
-pub fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
-    let rigid = rigid(coefficient.dof, vehicle);
-    let start = coefficient.of_vehicle(vehicle);
-    let size = if start == 0.0 {
-        // Table 9's range, where the rig knows none.
-        0.1 * table9(coefficient, vehicle)
-    } else {
-        start.abs()
-    };
-    let (low, high) = match coefficient.term {
-        // Hulls of several times their mass are in it.
-        Term::Added if start == 0.0 => (-10.0 * size, 0.0),
-        Term::Added => (-5.0 * size.max(rigid), 0.0),
-        Term::Linear | Term::Quadratic => (-10.0 * size, size),
-    };
-    Free {
-        name: coefficient.key().to_owned(),
-        start,
-        low,
-        high,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,14 +165,6 @@ mod tests {
             assert_eq!(c.prior_sd(&rig), 0.25);
             // The sd is that of another number now.
             c.put(&mut rig.vehicle, 0.0);
-            let range = free(c, &rig.vehicle);
-            assert!((range.low + width).abs() < 1e-9, "{range:?}");
-            let slack = if c.term == Term::Added {
-                0.0
-            } else {
-                0.1 * width
-            };
-            assert!((range.high - slack).abs() < 1e-9, "{range:?}");
             assert!((c.prior_sd(&rig) - width / 3f64.sqrt()).abs() < 1e-9);
         }
     }

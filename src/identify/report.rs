@@ -17,13 +17,11 @@ pub fn html(result: &Identification, command: &str) -> String {
     );
     let b = &mut page.body;
     b.lead(sentence::sentence(result));
-    let mut method = Inline::from(format!(
-        "Method {}, {} evaluations",
-        result.method, result.evaluations
-    ));
-    if !result.converged {
-        method = method.plain(" ").warning("(not converged)");
-    }
+    let priors = match result.flat_priors {
+        true => "maximum likelihood",
+        false => "beside the rig's numbers as prior",
+    };
+    let method = Inline::from(format!("{} fits, {priors}", result.fits));
     b.paragraph(method.plain(". ").code(command));
     for words in &result.misfit {
         b.warning(words);
@@ -146,6 +144,7 @@ fn noise(b: &mut Body, result: &Identification) {
         "correlation [s]",
         "outliers",
         "from",
+        "times that at rest",
         "times the logged sd",
     ]);
     for (slot, n) in &result.noise {
@@ -156,6 +155,7 @@ fn noise(b: &mut Body, result: &Identification) {
             format!("{:.3}", n.noise.correlation_s),
             format!("{:.2} %", 100.0 * n.outliers),
             n.source.clone(),
+            n.over_rest.map_or("-".to_owned(), |r| format!("{r:.2}")),
             n.logged.map_or("-".to_owned(), |l| {
                 format!(
                     "{:.2} ({:.2e} .. {:.2e})",
@@ -165,14 +165,7 @@ fn noise(b: &mut Body, result: &Identification) {
         ]);
     }
     b.table(table);
-    let mut table = Table::new([
-        "residuals",
-        "rms",
-        "Ljung-Box p",
-        "lag 1",
-        "p after colour",
-        "p beside rest",
-    ]);
+    let mut table = Table::new(["residuals", "rms", "Ljung-Box p", "lag 1", "p after colour"]);
     let p = |w: Option<Whiteness>| w.map_or("-".to_owned(), |w| format!("{:.2e}", w.p_value));
     for r in &result.residuals {
         table.row([
@@ -181,7 +174,6 @@ fn noise(b: &mut Body, result: &Identification) {
             p(r.plain),
             r.plain.map_or("-".to_owned(), |w| format!("{:.2}", w.lag1)),
             p(r.filtered),
-            p(r.at_rest),
         ]);
     }
     b.table(table);

@@ -98,7 +98,7 @@ impl Own {
     /// Scale of the scaled number's prior.
     pub fn prior_scale(&self, prior: &PriorTable) -> f64 {
         match self {
-            Own::Unsaid(..) => 1.0,
+            Own::Unsaid(..) => prior.unsaid,
             _ => prior.coefficient_ln,
         }
     }

@@ -137,14 +137,15 @@ fn square_root(covariance: &SMatrix<f64, 3, 3>) -> SMatrix<f64, 3, 3> {
 }
 
 impl Filter {
-    /// For samples at `times_s`, the response at rest at `start_s`; `used(k, c)` says whether channel c of sample k counts.
+    /// For samples at `times_s`, the response at rest at `start_s`; `sd_ratio(k, c)` = white sd of channel c at sample k over the
+    /// instrument's, 0 = it does not count.
     pub fn new(
         times_s: &[f64],
         start_s: f64,
         response: Response,
         force: Force,
         instruments: &Instruments,
-        used: impl Fn(usize, usize) -> bool,
+        sd_ratio: impl Fn(usize, usize) -> f64,
     ) -> Filter {
         let variance = force.sd_mps2.powi(2);
         let mut gaps: Vec<([f64; 9], [f64; 2])> = Vec::new();
@@ -181,13 +182,14 @@ impl Filter {
                 gain: [0.0; N],
             }; 2];
             for c in 0..2 {
-                if instruments[c].is_none() || !used(k, c) {
+                let ratio = sd_ratio(k, c);
+                if instruments[c].is_none() || ratio <= 0.0 {
                     continue;
                 }
                 // Position sees response and its colour, rate the response's rate and its own.
                 let (i, j) = (c, 3 + c);
                 let column: [f64; N] = std::array::from_fn(|s| p[s][i] + p[s][j]);
-                let total = column[i] + column[j] + white[c];
+                let total = column[i] + column[j] + white[c] * ratio * ratio;
                 if total.is_nan() || total <= 0.0 {
                     continue;
                 }
@@ -310,7 +312,10 @@ mod tests {
         };
         let instruments = [Some(noise(0.02)), Some(noise(0.05))];
         let used = |k: usize, c: usize| !(k % 7 == 3 && c == 0);
-        let filter = Filter::new(&times, 0.0, response, force, &instruments, used);
+        // Every fifth position is three times as noisy.
+        let ratio = |k: usize, c: usize| if k % 5 == 1 && c == 0 { 3.0 } else { 1.0 };
+        let counted = |k: usize, c: usize| if used(k, c) { ratio(k, c) } else { 0.0 };
+        let filter = Filter::new(&times, 0.0, response, force, &instruments, counted);
         // Dense: by the response to white noise on a fine grid of the driving process (Euler at 0.5 ms is good to 1e-3).
         let h = 5e-4;
         let steps = (times[39] / h).ceil() as usize + 1;
@@ -348,7 +353,11 @@ mod tests {
                     let w = instruments[c].unwrap();
                     let decay = (-(times[k] - times[l]).abs() / w.correlation_s).exp();
                     dense[(2 * k + c, 2 * l + c)] += w.coloured_sd.powi(2) * decay
-                        + if k == l { w.white_sd.powi(2) } else { 0.0 };
+                        + if k == l {
+                            (ratio(k, c) * w.white_sd).powi(2)
+                        } else {
+                            0.0
+                        };
                 }
             }
         }

@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use hydroline_numerics::noise::Noise;
 use hydroline_numerics::parallel;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -251,6 +252,11 @@ impl Problem {
     ) -> Result<Problem, EffectError> {
         let recording = Recording::new(runs, rig.tank.start_pose[5]);
         let body = Body::new(recording, rig, dofs, given, prior)?;
+        Ok(Problem::of(body, PerChannel::splat(None)))
+    }
+
+    /// The problem of a body; `at_rest` = noise of each channel at rest, below which none is looked for in motion.
+    pub fn of(body: Body, at_rest: PerChannel<Option<Noise>>) -> Problem {
         let begin = body.begin();
         let all = parallel::map(body.recording.runs.len(), |run| {
             body.simulated(run, &[], &begin)
@@ -262,11 +268,33 @@ impl Problem {
         };
         let predicted = made.predicted(&[], &begin);
         made.noises = estimate(&made.body, &predicted, None);
+        made.noises.at_rest = at_rest;
         // Once more without outliers and with the rig's numbers as near as the data want them.
         if let Some(closest) = made.closest(&[], &begin) {
             made.noises = estimate(&made.body, &closest, Some(&made.noises));
         }
-        Ok(made)
+        made
+    }
+
+    /// The problem of a body under a noise that is known, without random forces.
+    pub fn under(body: Body, channels: PerChannel<Option<Noise>>) -> Problem {
+        let used = body.recording.runs.iter().map(|r| {
+            let counts = |k: usize| {
+                let m = r.measured(k);
+                PerChannel::from_fn(|c| channels[c].is_some() && m[c].is_finite())
+            };
+            (0..r.times_s.len()).map(counts).collect()
+        });
+        Problem {
+            worth: Worth::none(),
+            noises: Noises {
+                channels,
+                used: used.collect(),
+                has_force: false,
+                ..Noises::none()
+            },
+            body,
+        }
     }
 
     /// Names of a model's terms.

@@ -31,6 +31,8 @@ pub struct Noises {
     pub floor_sd: PerChannel<f64>,
     /// Whether models have random forces beside it.
     pub has_force: bool,
+    /// Noise of each channel at rest: none is quieter in motion; `None` = no run rested.
+    pub at_rest: PerChannel<Option<Noise>>,
 }
 
 impl Noises {
@@ -66,7 +68,15 @@ impl Noises {
             used: Vec::new(),
             floor_sd: PerChannel::splat(0.0),
             has_force: true,
+            at_rest: PerChannel::splat(None),
         }
+    }
+
+    /// The louder of a channel's noise beside a model and at rest.
+    pub fn no_quieter_than_at_rest(&self, channel: Channel, found: Option<Noise>) -> Option<Noise> {
+        let found = found?;
+        let rest = self.at_rest[channel].filter(|r| r.total_sd() > found.total_sd());
+        Some(rest.unwrap_or(found))
     }
 }
 
@@ -283,7 +293,7 @@ pub fn with_force(body: &Body, noises: &Noises, dof: usize, force: Force) -> Vec
                 body.responses[dof],
                 force,
                 &instruments,
-                |k, c| used[k][both[c]],
+                |k, c| r.sd_ratio_of(k, both[c], used[k][both[c]]),
             )
         })
         .collect()

@@ -19,6 +19,7 @@
 // Tests may unwrap; the crate itself must not.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod at_rest;
 pub mod body;
 pub mod by_prediction;
 pub mod closed;
@@ -29,6 +30,7 @@ pub mod fit;
 pub mod given;
 pub mod hyper;
 pub mod limit;
+pub mod model_test;
 pub mod noise;
 pub mod number_prior;
 pub mod planned;

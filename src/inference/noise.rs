@@ -92,6 +92,7 @@ pub fn estimate(
         channels: PerChannel::splat(None),
         floor_sd: before.map_or(PerChannel::splat(0.0), |b| b.floor_sd),
         has_force: before.is_none_or(|b| b.has_force),
+        at_rest: before.map_or(PerChannel::splat(None), |b| b.at_rest),
         used: body
             .recording
             .runs
@@ -101,7 +102,7 @@ pub fn estimate(
     };
     for (d, (noise, used)) in body.dofs.iter().zip(found) {
         for (c, channel) in Channel::of(*d).into_iter().enumerate() {
-            made.channels[channel] = noise[c];
+            made.channels[channel] = made.no_quieter_than_at_rest(channel, noise[c]);
             for (made, f) in made.used.iter_mut().flatten().zip(used.iter().flatten()) {
                 made[channel] = f[c];
             }
@@ -238,8 +239,9 @@ impl<'a> Observed<'a> {
         };
         let response = self.body.responses[self.dof];
         let made = x.instruments(self.there());
+        let both = Channel::of(self.dof);
         Filter::new(&r.times_s, r.start_s, response, force, &made, |k, c| {
-            used[k][c]
+            r.sd_ratio_of(k, both[c], used[k][c])
         })
     }
 

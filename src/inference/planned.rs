@@ -80,6 +80,7 @@ impl Problem {
                 channels: noise,
                 floor_sd: PerChannel::splat(0.0),
                 has_force: true,
+                at_rest: PerChannel::splat(None),
                 used: vec![used],
             },
             body,

@@ -197,7 +197,7 @@ impl Problem {
     }
 
     /// The problem of all runs but one, and a fit's numbers for it.
-    pub(super) fn without_run(&self, fit: &Fit, out: usize) -> (Problem, Point) {
+    pub fn without_run(&self, fit: &Fit, out: usize) -> (Problem, Point) {
         let places = self.body.start_places(&fit.terms);
         let runs = 0..self.body.recording.runs.len();
         let others: Vec<usize> = runs.filter(|r| *r != out).collect();

@@ -13,6 +13,9 @@ pub struct PriorTable {
     /// Scale of the logarithm of a coefficient over the rig's (Student's t with two degrees of freedom): tables of
     /// similar hulls agree to some 30 %, and now and then not at all.
     pub coefficient_ln: f64,
+    /// Scale of a coefficient of which the rig says 0, over what stands for it there (Student's t with two degrees of freedom):
+    /// where the rig leaves a term out, there is mostly little of it.
+    pub unsaid: f64,
     /// Scale of the velocity at a run's start (Cauchy) \[m/s, rad/s\]: most runs begin at rest, to about a millimetre per
     /// second, and some under way.
     pub start_rate: f64,
@@ -47,6 +50,7 @@ impl Default for PriorTable {
         PriorTable {
             effects_expected: 1.5,
             coefficient_ln: 0.3,
+            unsaid: 1.0,
             start_rate: 1e-3,
             start_place: 0.1,
             misfit_over_tolerance: 0.1,
@@ -63,7 +67,27 @@ impl Default for PriorTable {
     }
 }
 
+/// Scale of a prior that says nothing: whatever data there are say more.
+const FLAT: f64 = 1e6;
+
 impl PriorTable {
+    /// The same with priors of the vehicle's numbers and the runs' starts that say nothing: the mode is that of the likelihood.
+    #[must_use]
+    pub fn flat(self) -> PriorTable {
+        PriorTable {
+            coefficient_ln: FLAT,
+            unsaid: FLAT,
+            start_rate: FLAT,
+            start_place: FLAT,
+            ..self
+        }
+    }
+
+    /// Whether a coefficient's prior says nothing.
+    pub fn is_flat(&self) -> bool {
+        self.coefficient_ln >= FLAT
+    }
+
     /// Log prior odds of one effect of a library of `effects`, in one of the `places` where it may act.
     pub fn ln_odds_of_effect(&self, effects: usize, places: usize) -> f64 {
         let p = self.effects_expected / (effects * places).max(1) as f64;

@@ -118,8 +118,10 @@ pub struct Recorded {
     pub start_s: f64,
     /// Measured motion \[SI\]; NaN = not measured.
     pub values: Vec<PerChannel<f64>>,
-    /// Standard deviation of each pose channel as logged; NaN = unknown.
+    /// Standard deviation of each pose channel as logged, of x and y along the body's axes; NaN = unknown.
     pub logged_sd: Vec<[f64; 6]>,
+    /// The same over the recording's median, within [`SD_RATIO_MOST`]: a sample's white noise over the instrument's.
+    pub sd_ratio: Vec<[f64; 6]>,
     /// Least noise of each channel as the import states it, along the body's axes the smaller of x and y; 0 = not stated.
     pub stated_sd: PerChannel<f64>,
     /// (time, body wrench), from `start_s` on.
@@ -137,7 +139,13 @@ pub struct Recording {
     pub runs: Vec<Recorded>,
     /// Channels that any run measured.
     pub channels: PerChannel<bool>,
+    /// Median of each pose channel's sd as logged: that of the sample whose noise is the instrument's; NaN = unknown.
+    pub logged_sd: [f64; 6],
 }
+
+/// A logged sd this many times the recording's median, or its inverse, counts as that far: one sample that claims to be perfect must
+/// not carry a run.
+const SD_RATIO_MOST: f64 = 20.0;
 
 impl Recording {
     /// Takes runs over.
@@ -148,7 +156,37 @@ impl Recording {
         let each = runs.iter().map(|r| Recorded::new(r, heading_rad, most_hz));
         let runs: Vec<Recorded> = each.collect();
         let channels = PerChannel::from_fn(|c| runs.iter().any(|r| r.has(c)));
-        Recording { runs, channels }
+        let logged = |d: usize| {
+            let of = |r: &Recorded| -> Vec<f64> {
+                let each = r.logged_sd.iter().enumerate();
+                let there = each.filter(|(k, _)| r.values[*k][Channel::POSES[d]].is_finite());
+                there.map(|(_, sd)| sd[d]).collect()
+            };
+            let mut all: Vec<f64> = runs.iter().flat_map(of).collect();
+            all.retain(|sd| sd.is_finite());
+            median(&mut all).unwrap_or(f64::NAN)
+        };
+        let mut made = Recording {
+            logged_sd: std::array::from_fn(logged),
+            runs,
+            channels,
+        };
+        made.refer_to(made.logged_sd);
+        made
+    }
+
+    /// Takes logged sds beside those of another recording, whose instruments' noise is known.
+    pub fn refer_to(&mut self, logged_sd: [f64; 6]) {
+        self.logged_sd = logged_sd;
+        for r in &mut self.runs {
+            let ratio = |sds: &[f64; 6]| {
+                std::array::from_fn(|d| match sds[d] / logged_sd[d] {
+                    ratio if ratio.is_finite() => ratio.clamp(1.0 / SD_RATIO_MOST, SD_RATIO_MOST),
+                    _ => 1.0,
+                })
+            };
+            r.sd_ratio = r.logged_sd.iter().map(ratio).collect();
+        }
     }
 
     /// Turns every run by its median heading: where yaw does not move, its noise is none of x and y.
@@ -279,9 +317,19 @@ impl Recorded {
                 psi.sin_cos()
             })
             .collect();
-        let logged_sd = samples
+        let headings: &Vec<(f64, f64)> = &heading;
+        let logged_sd: Vec<[f64; 6]> = samples
             .iter()
-            .map(|s| Channel::POSES.map(|c| s.sd(c).unwrap_or(f64::NAN)))
+            .zip(headings)
+            .map(|(s, (sin, cos))| {
+                let mut sds = Channel::POSES.map(|c| s.sd(c).unwrap_or(f64::NAN));
+                if let Some(pose) = s.covariance.as_deref().filter(|_| both) {
+                    let across = sin * cos * (pose[1] + pose[6]);
+                    sds[0] = (cos * cos * pose[0] + across + sin * sin * pose[7]).sqrt();
+                    sds[1] = (sin * sin * pose[0] - across + cos * cos * pose[7]).sqrt();
+                }
+                sds.map(|sd| if sd > 0.0 { sd } else { f64::NAN })
+            })
             .collect();
         let mut stated_sd = run.instrument_sd;
         if both {
@@ -297,11 +345,21 @@ impl Recorded {
             times_s,
             start_s,
             values,
+            sd_ratio: vec![[1.0; 6]; logged_sd.len()],
             logged_sd,
             stated_sd,
             commands: averaged(commands),
             heading,
             companions: run.companions.clone(),
+        }
+    }
+
+    /// White sd of a channel at sample `k` over its instrument's, for a filter; 0 = the sample does not count.
+    pub fn sd_ratio_of(&self, k: usize, channel: Channel, counts: bool) -> f64 {
+        match (counts, channel.is_rate()) {
+            (false, _) => 0.0,
+            (true, true) => 1.0,
+            (true, false) => self.sd_ratio[k][channel.index()],
         }
     }
 

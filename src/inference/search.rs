@@ -383,6 +383,35 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
     Some(search.found())
 }
 
+/// The vehicle alone at its likeliest mode, with the noise beside it: the model that every search begins with. Its likelihood has no
+/// floor ([`Options::floor_over_tolerance`]): what is asked of it are numbers, and these are known as well as the noise lets them be.
+///
+/// `None` when it gives no finite motion from the rig's numbers.
+pub fn vehicle_alone(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Found> {
+    let mut search = Search {
+        problem,
+        models: BTreeMap::new(),
+        expanded: BTreeSet::new(),
+        fits: 0,
+        cost: 0,
+        options,
+        watch,
+        account: Account::default(),
+        not_begun: 0,
+    };
+    search.alone();
+    search.best()?;
+    for _ in 0..=options.noise_rounds {
+        if !search.renew_noise(false) {
+            break;
+        }
+        search.rescore();
+    }
+    search.best()?;
+    search.account.did("the vehicle alone");
+    Some(search.found())
+}
+
 /// Searches about a model that is known: the noise stays as it is, and nothing else is asked first.
 pub fn about(problem: Problem, from: &Fit, options: Options) -> Found {
     let found = Found {

@@ -279,6 +279,7 @@ mod tests {
         Recording {
             runs: Vec::new(),
             channels: PerChannel::splat(false),
+            logged_sd: [f64::NAN; 6],
         }
     }
 

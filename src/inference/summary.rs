@@ -238,6 +238,7 @@ impl Problem {
                     .map(|i| self.body.recording.runs[*i].clone())
                     .collect(),
                 channels: self.body.recording.channels,
+                logged_sd: self.body.recording.logged_sd,
             },
             starts: keep.iter().map(|i| self.body.starts[*i].clone()).collect(),
             rest: keep.iter().map(|i| self.body.rest[*i]).collect(),
@@ -254,6 +255,7 @@ impl Problem {
                 channels: self.noises.channels,
                 floor_sd: self.noises.floor_sd,
                 has_force: self.noises.has_force,
+                at_rest: self.noises.at_rest,
                 used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
             },
             body,
@@ -265,7 +267,8 @@ impl Problem {
     /// # Errors
     /// [`EffectError`] for a bad `[[physics]]` entry of the rig.
     pub fn over(&self, runs: &[Run], rig: &Rig) -> Result<Problem, EffectError> {
-        let recording = Recording::new(runs, rig.tank.start_pose[5]);
+        let mut recording = Recording::new(runs, rig.tank.start_pose[5]);
+        recording.refer_to(self.body.recording.logged_sd);
         let body = self.body.over(recording, rig)?;
         let used = body
             .recording
@@ -285,6 +288,7 @@ impl Problem {
                 channels: self.noises.channels,
                 floor_sd: self.noises.floor_sd,
                 has_force: self.noises.has_force,
+                at_rest: self.noises.at_rest,
                 used,
             },
             body,

@@ -1,6 +1,6 @@
 //! Proofs and reproductions, which are not the product: sealed cases diagnosed blind ([`benchmark`]), the paper's tables and
 //! figures computed ([`reproduce`]), and the methods that both are compared with: other searches for coefficients
-//! ([`cmaes`], [`ga`]), all [`maps`] from image to laser plane.
+//! ([`search`]), all [`maps`] from image to laser plane.
 //!
 //! ```
 //! use hydroline_lab::benchmark::{Category, catalogue, make};
@@ -14,7 +14,6 @@
 //! ```
 
 pub mod benchmark;
-pub mod cmaes;
-pub mod ga;
 pub mod maps;
 pub mod reproduce;
+pub mod search;

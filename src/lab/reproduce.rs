@@ -90,7 +90,9 @@ pub enum ReproduceError {
     Trajectory(#[from] hydroline_sim::TrajectoryError),
     /// Identification from what was measured.
     #[error(transparent)]
-    Identify(#[from] hydroline_identify::IdentifyError),
+    Estimate(#[from] hydroline_estimate::EstimateError),
+    #[error(transparent)]
+    Paper(#[from] crate::search::paper_fit::PaperFitError),
     #[error("the built-in rig has no hexagon target: its file was changed")]
     NoChain,
     #[error(transparent)]

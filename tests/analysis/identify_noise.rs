@@ -5,11 +5,10 @@
 use crate::experiment::{
     TestNoise, WHITE, decoupled, inside, other_vehicle, quick, simulated, surge, surge_runs,
 };
+use hydroline::estimate::{ModelChoice, Options, identify};
+use hydroline::identify::Identification;
 use hydroline::identify::adopt::adopt;
-use hydroline::identify::data::Start;
 use hydroline::identify::parameter::Coefficient;
-use hydroline::identify::problem::Objective;
-use hydroline::identify::{Identification, ModelChoice, Options, identify};
 use hydroline::run::{Channel, Run};
 use hydroline_rigs::{Dof, Rig, Vehicle};
 use rand::{SeedableRng, rngs::StdRng};
@@ -25,16 +24,8 @@ const NONE: TestNoise = TestNoise {
     ..WHITE
 };
 
-fn options(method: &hydroline::identify::lm::LevenbergMarquardt) -> Options<'_> {
-    Options {
-        method,
-        cross_validate: false,
-        ..Options::default()
-    }
-}
-
 fn fit(runs: &[Run], rig: &Rig) -> Identification {
-    identify(runs, rig, &options(&quick())).unwrap()
+    identify(runs, rig, &quick()).unwrap()
 }
 
 /// Largest difference in x \[m\] between two vehicles under the same commands, without noise.
@@ -54,12 +45,12 @@ fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
     rig.vehicle.coefficients[0].quadratic *= 2.0;
     // The quadratic term to about 1.4 times its size.
     let commands = [(0.0, surge(0.3))];
-    let (mut tried, quick) = (0, quick());
+    let mut tried = 0;
     for seed in 1..=8 {
         let run = simulated(&truth, "weak", &commands, 12.0, WHITE, seed);
         let options = Options {
-            start: Start::AtRest,
-            ..options(&quick)
+            from_rest: true,
+            ..quick()
         };
         let found = identify(&[run], &rig, &options).unwrap();
         let [linear, quadratic] = ["x_u", "x_uu"].map(|k| found.parameters[k].clone());
@@ -107,11 +98,11 @@ fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
 fn what_a_fit_held_is_written_with_its_rows_of_the_covariance() {
     let rig = decoupled();
     let weak = [(0.0, surge(0.1))];
-    let quick = quick();
     let run = simulated(&rig.vehicle, "weak", &weak, 12.0, WHITE, 3);
     let options = Options {
-        start: Start::AtRest,
-        ..options(&quick)
+        from_rest: true,
+        flat_priors: true,
+        ..quick()
     };
     let found = identify(&[run], &rig, &options).unwrap();
     println!("{:?} {:?}", found.parameters, found.notes);
@@ -162,7 +153,7 @@ fn written_with_sd(rig: &Rig, key: &str, sd: f64) -> Rig {
 }
 
 #[test]
-fn a_misfit_after_a_long_opening_is_seen_beside_it() {
+fn noise_that_is_louder_than_a_long_opening_widens_the_intervals_and_is_said() {
     let rig = decoupled();
     let commands = [(40.0, surge(8.0)), (45.0, surge(-8.0))];
     let mut seen = 0;
@@ -184,39 +175,37 @@ fn a_misfit_after_a_long_opening_is_seen_beside_it() {
             }
         }
         let louder = fit(&[run], &rig);
-        println!("seed {seed}: {:?} {:?}", louder.misfit, louder.noise);
-        let words = louder.misfit.join(
-            "
-",
-        );
-        seen += usize::from(words.contains("x_m: residuals are 1."));
+        println!("seed {seed}: {:?} {:?}", louder.notes, louder.noise);
+        // 0.15 mm more are no misfit of a model.
+        assert!(louder.misfit.is_empty(), "seed {seed}: {:?}", louder.misfit);
+        let said = |n: &String| n.starts_with("x_m: the noise in motion is 1.");
+        seen += usize::from(louder.notes.iter().any(said));
         for (key, p) in &louder.parameters {
             let grown = p.sd.unwrap() / alone.parameters[key].sd.unwrap();
             assert!((1.2..1.7).contains(&grown), "{key}: {grown}");
         }
     }
-    // 300 samples of twice the variance against 1000: F = 2 has p < 1e-12.
+    // 300 samples of twice the variance against 1000.
     assert_eq!(seen, 10);
 }
 
 /// The coupled model with what surge does not move held.
-fn coupled_surge(quick: &hydroline::identify::lm::LevenbergMarquardt) -> Options<'_> {
+fn coupled_surge() -> Options<'static> {
     Options {
         model: ModelChoice::Coupled,
         fixed: Dof::ALL[1..]
             .iter()
             .flat_map(|d| Coefficient::of(*d))
             .collect(),
-        start: Start::AtRest,
-        ..options(quick)
+        from_rest: true,
+        ..quick()
     }
 }
 
 #[test]
 fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
     let rig = decoupled();
-    let quick = quick();
-    let options = coupled_surge(&quick);
+    let options = coupled_surge();
     let mut runs: Vec<Run> = surge_runs(&rig.vehicle, WHITE, 3).drain(1..3).collect();
     runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
     let quiet = identify(&runs, &rig, &options).unwrap();
@@ -227,14 +216,11 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
         sample.values[Channel::X] += 1.5e-4 * noise;
     }
     let louder = identify(&runs, &rig, &options).unwrap();
-    println!("{:?} {}", louder.misfit, louder.variance_ratio);
-    // One of six slots: 1.17 over all, which nobody would see.
-    assert!(louder.variance_ratio < 1.2, "{}", louder.variance_ratio);
-    assert!(
-        louder.misfit[0].starts_with("x_m: residuals are 1.4"),
-        "{:?}",
-        louder.misfit
-    );
+    println!("{:?} {}", louder.notes, louder.variance_ratio);
+    let over = louder.noise["x_m"].over_rest.unwrap();
+    assert!((over / 2f64.sqrt() - 1.0).abs() < 0.1, "{over}");
+    let said = |n: &String| n.starts_with("x_m: the noise in motion is 1.4");
+    assert!(louder.notes.iter().any(said), "{:?}", louder.notes);
     for (key, p) in &louder.parameters {
         let grown = p.sd.unwrap() / quiet.parameters[key].sd.unwrap();
         assert!((grown / 2f64.sqrt() - 1.0).abs() < 0.1, "{key}: {grown}");
@@ -244,8 +230,7 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
 #[test]
 fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them() {
     let rig = decoupled();
-    let quick = quick();
-    let options = coupled_surge(&quick);
+    let options = coupled_surge();
     let mut runs = uneven_runs(&rig.vehicle, 4);
     runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 77));
     let found = identify(&runs, &rig, &options).unwrap();
@@ -260,7 +245,6 @@ fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them()
     );
     assert_eq!(found.noise["x_m"].source, "measured at rest");
     assert!(notes.contains("still: at rest for 30 s, used"), "{notes}");
-    assert!(notes.contains("not by whole covariances"), "{notes}");
     // A run at rest that measured nothing of the equations is not reported as used.
     for sample in &mut runs[2].samples {
         sample.values[Channel::X] = f64::NAN;
@@ -280,40 +264,6 @@ fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them()
         notes.contains("still: at rest for 30 s, not used"),
         "{notes}"
     );
-}
-
-#[test]
-fn the_papers_objective_and_its_intervals_weigh_samples_alike() {
-    let rig = decoupled();
-    let quick = quick();
-    let l1 = Options {
-        objective: Objective::SumOfAbsolute,
-        start: Start::AtRest,
-        ..options(&quick)
-    };
-    let runs = uneven_runs(&rig.vehicle, 4);
-    let mut blind = runs.clone();
-    for sample in blind.iter_mut().flat_map(|r| &mut r.samples) {
-        sample.covariance = None;
-    }
-    let [with, without] = [&runs, &blind].map(|r| identify(r, &rig, &l1).unwrap());
-    assert!(with.noise["x_m"].logged.is_none());
-    assert!(
-        with.notes.iter().any(|n| n.contains("samples count alike")),
-        "{:?}",
-        with.notes
-    );
-    for (key, p) in &with.parameters {
-        let other = &without.parameters[key];
-        assert!(
-            (p.value - other.value).abs() < 1e-3 * p.sd.unwrap(),
-            "{key}"
-        );
-        assert!(
-            (p.sd.unwrap() / other.sd.unwrap() - 1.0).abs() < 1e-3,
-            "{key}"
-        );
-    }
 }
 
 /// Two runs in which every other stamp has ten times the sd of the rest, which the log says, but for a
@@ -341,14 +291,13 @@ fn uneven_runs(truth: &Vehicle, seed: u64) -> Vec<Run> {
 /// mean sd of each coefficient with and without the logged sd.
 fn weighed(experiments: u64, model: ModelChoice) -> (f64, f64, [f64; 2]) {
     let mut rig = decoupled();
-    let quick = quick();
     let fixed = Dof::ALL[1..].iter().flat_map(|d| Coefficient::of(*d));
     let options = Options {
         model,
         // The five DOFs at rest tell nothing here and cost time.
         fixed: fixed.collect(),
-        start: Start::AtRest,
-        ..options(&quick)
+        from_rest: true,
+        ..quick()
     };
     rig.vehicle.model = hydroline_rigs::VehicleModel::Decoupled;
     let (mut hits, mut square, mut sds) = (0usize, 0.0, [0.0; 2]);
@@ -412,13 +361,12 @@ fn the_coupled_model_weighs_samples_too_where_some_have_no_sd() {
     let rig = decoupled();
     let mut truth = other_vehicle(&rig, 3);
     truth.coefficients[1..].copy_from_slice(&rig.vehicle.coefficients[1..]);
-    let quick = quick();
     let fixed = Dof::ALL[1..].iter().flat_map(|d| Coefficient::of(*d));
     let options = Options {
         model: ModelChoice::Coupled,
         fixed: fixed.collect(),
-        start: Start::AtRest,
-        ..options(&quick)
+        from_rest: true,
+        ..quick()
     };
     let whole = uneven_runs(&truth, 4);
     let mut partly = whole.clone();
@@ -463,49 +411,36 @@ fn with_rest(truth: &Vehicle, still_s: f64, seed: u64) -> Vec<Run> {
     runs
 }
 
-/// Experiments without misfit that are called misfits, and their smallest p each.
-fn false_alarms(experiments: u64, still_s: f64) -> (usize, Vec<f64>) {
+/// Experiments without misfit that are called misfits.
+fn false_alarms(experiments: u64, still_s: f64) -> usize {
     let rig = decoupled();
     let mut alarms = 0;
-    let mut smallest = Vec::new();
     for seed in 0..experiments {
         let truth = other_vehicle(&rig, seed);
         let found = fit(&with_rest(&truth, still_s, seed + 1), &rig);
-        assert_eq!(found.noise["x_m"].source, "measured at rest");
+        assert!(found.noise["x_m"].over_rest.is_some());
         if !found.misfit.is_empty() {
             println!("seed {seed}: {:?}", found.misfit);
             alarms += 1;
         }
-        let p = found
-            .residuals
-            .iter()
-            .filter_map(|r| Some(r.at_rest?.p_value));
-        smallest.push(p.fold(1.0, f64::min));
     }
-    (alarms, smallest)
+    alarms
 }
 
 #[test]
-fn coloured_noise_measured_in_20_s_is_no_misfit() {
-    let (alarms, smallest) = false_alarms(15, 20.5);
-    // Four runs each: the smallest p of four is below 5 % in 18.5 % of experiments without misfit: 2.8 +- 1.5 of 15.
-    let small = smallest.iter().filter(|p| **p < 0.05).count();
-    println!("15 experiments: {alarms} alarms, {small} with a p below 5 %");
-    // Nominal 1e-3 for whiteness and 1e-3 for the level per experiment: one of 15 by chance has 3 %.
-    assert!(alarms <= 1, "{alarms} of 15");
-    assert!(small <= 7, "{small} of 15");
+fn coloured_noise_is_no_misfit() {
+    let alarms = false_alarms(10, 20.5);
+    // One in a hundred at the level of the test, if all that is no noise mattered.
+    assert!(alarms == 0, "{alarms} of 10");
 }
 
 #[test]
-#[ignore = "500 experiments; run with --ignored"]
-fn coloured_noise_measured_in_20_s_is_no_misfit_in_500_experiments() {
-    let (alarms, smallest) = false_alarms(500, 20.5);
-    let small = smallest.iter().filter(|p| **p < 0.05).count();
-    println!("500 experiments: {alarms} alarms, {small} with a p below 5 %");
-    // Nominal 2e-3: one of 500, and above four by chance in 0.4 %.
-    assert!(alarms <= 4, "{alarms} of 500");
-    // 18.5 % + 3 binomial sd.
-    assert!(small <= 118, "{small} of 500");
+#[ignore = "500 experiments: tests/nightly identify"]
+fn coloured_noise_is_no_misfit_in_500_experiments() {
+    let alarms = false_alarms(500, 20.5);
+    println!("500 experiments: {alarms} alarms");
+    // 1 % and three binomial sd.
+    assert!(alarms <= 11, "{alarms} of 500");
 }
 
 #[test]
@@ -523,15 +458,17 @@ fn assert_misfit_of_a_term_left_out(seeds: u64) {
     let mut rig = decoupled();
     let truth = other_vehicle(&rig, 2);
     rig.vehicle.coefficients[0].quadratic = 0.0;
-    let quick = quick();
     let concealed = Options {
         fixed: vec![Coefficient::find("x_uu").unwrap()],
-        ..options(&quick)
+        ..quick()
     };
     for seed in 1..=seeds {
         let found = identify(&with_rest(&truth, 20.5, seed), &rig, &concealed).unwrap();
         let words = found.misfit.join("\n");
-        assert!(words.contains("far from white"), "seed {seed}: {words}");
+        assert!(
+            words.contains("does not explain these runs"),
+            "seed {seed}: {words}"
+        );
     }
 }
 
@@ -586,9 +523,6 @@ fn what_is_held_at_a_zero_of_the_rig_is_not_taken_as_known() {
         .notes
         .iter()
         .any(|n| n.starts_with("x_uu: the rig file knows no number"));
-    if held {
-        assert_eq!(found.value("x_uu"), Some(0.0));
-    }
     for (key, p) in &found.parameters {
         let actual = Coefficient::find(key).unwrap().of_vehicle(&truth);
         assert!(
@@ -612,13 +546,12 @@ fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none()
         (14.0, push(5.0, 0.05)),
     ];
     let run = simulated(&truth, "gentle", &commands, 22.0, WHITE, 6);
-    let quick = quick();
     let others = [Dof::Sway, Dof::Heave, Dof::Roll, Dof::Pitch];
     let options = Options {
         model: ModelChoice::Coupled,
         fixed: others.into_iter().flat_map(Coefficient::of).collect(),
-        start: Start::AtRest,
-        ..options(&quick)
+        from_rest: true,
+        ..quick()
     };
     let found = identify(&[run], &rig, &options).unwrap();
     assert_eq!(found.order.len(), 6);
@@ -629,7 +562,7 @@ fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none()
         let held = found
             .notes
             .iter()
-            .any(|n| n.starts_with(&format!("{key}: these runs")));
+            .any(|n| n.starts_with(key.as_str()) && n.contains("kept at the rig's"));
         println!("{key}: {p:?} tied {tied} held {held}");
         let is_weak = !held && (p.sd.unwrap() > 0.2 * p.value.abs() || tied);
         assert_eq!(p.profile.is_some(), is_weak, "{key}: {p:?}");
@@ -651,13 +584,12 @@ fn weak_coefficients_of_a_coupled_fit_have_a_profile_and_strong_ones_need_none()
 #[test]
 fn intervals_are_as_wide_as_the_sd_that_logs_say_where_samples_scatter_less() {
     let rig = decoupled();
-    let quick = quick();
     let fixed = Dof::ALL[1..].iter().flat_map(|d| Coefficient::of(*d));
     let options = Options {
         model: ModelChoice::Axis(Dof::Surge),
         fixed: fixed.collect(),
-        start: Start::AtRest,
-        ..options(&quick)
+        from_rest: true,
+        ..quick()
     };
     // They scatter by 1.7 of what they say.
     let runs = uneven_runs(&rig.vehicle, 3);

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use hydroline::estimate::Options;
 use hydroline::identify::Identification;
-use hydroline::identify::lm::LevenbergMarquardt;
 use hydroline::identify::parameter::Coefficient;
 use hydroline::run::{Channel, Command, PerChannel, Run, Sample};
 use hydroline_rigs::{Dof, Rig, Vehicle};
@@ -138,9 +138,12 @@ pub fn surge_runs(vehicle: &Vehicle, noise: TestNoise, seed: u64) -> Vec<Run> {
         .collect()
 }
 
-/// One start: the truth is near the rig.
-pub fn quick() -> LevenbergMarquardt {
-    LevenbergMarquardt { starts: 1 }
+/// Without each run predicted by the others.
+pub fn quick() -> Options<'static> {
+    Options {
+        cross_validate: false,
+        ..Options::default()
+    }
 }
 
 /// The built-in rig with its six equations side by side.

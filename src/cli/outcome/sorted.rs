@@ -13,7 +13,7 @@ use hydroline_daemon::replay::ReplayError;
 use hydroline_daemon::simulate::SimulateError;
 use hydroline_diagnose::DiagnoseError;
 use hydroline_diagnose::profiles::ImageError;
-use hydroline_identify::IdentifyError;
+use hydroline_estimate::EstimateError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
@@ -152,8 +152,7 @@ impl Sorted for ImageTopicError {
 impl Sorted for DiagnoseError {
     fn is_input(&self) -> bool {
         match self {
-            Self::NothingMoves(_) | Self::Effect(_) => true,
-            Self::Runs(error) => error.is_input(),
+            Self::NothingMoves(_) | Self::Effect(_) | Self::Runs(_) => true,
             Self::Images(error) => error.is_input(),
             Self::NoFit { .. } => false,
         }
@@ -244,16 +243,17 @@ sorted! {
         // Numbers that each are allowed and together run away: known only from the run.
         SimError::Trajectory(_) => false,
     },
-    IdentifyError: |e| match e {
-        IdentifyError::OnlyStill(_)
-        | IdentifyError::NoRun
-        | IdentifyError::TooSparse { .. }
-        | IdentifyError::Effect(_) => true,
-        IdentifyError::TooFew { .. } | IdentifyError::Method(_) | IdentifyError::Forward(_) => false,
+    EstimateError: |e| match e {
+        EstimateError::OnlyStill(_)
+        | EstimateError::NoRun
+        | EstimateError::NothingFree(_)
+        | EstimateError::TooSparse(_)
+        | EstimateError::Effect(_) => true,
+        EstimateError::TooFew { .. } | EstimateError::NoFit(_) => false,
     },
     BollardError: |e| match e {
         BollardError::Table { .. } | BollardError::TooFew { .. } => true,
-        BollardError::Falls { .. } | BollardError::Method(_) | BollardError::Forward(_) => false,
+        BollardError::Falls { .. } => false,
     },
     PredictError: |e| match e {
         PredictError::Plan(_)

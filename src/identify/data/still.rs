@@ -1,7 +1,5 @@
 //! Runs at rest: they measure the noise and nothing else.
 
-use super::super::coupled::{every_pose_is_known, inverse_root, whitened_name};
-use super::super::problem::precision_of;
 use hydroline_core::run::rest_noise::{about_median, at_rest};
 use hydroline_core::run::{Channel, RestNoise, Run, Sample, StillNoise};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
@@ -74,8 +72,23 @@ pub const NOISE_KEY: &str = "noise_at_rest";
 /// Fewest samples that measure a channel's noise.
 const SAMPLES_MIN: usize = 30;
 
+/// Logged sd over its median, or its inverse, beyond which a sample counts no less or more.
+const RATIO_MOST: f64 = 20.0;
+
+/// Stretch before the first load of a run that is driven later, if it is at rest and measures noise,
+/// and the time of that load \[s\].
+pub fn before_the_first_load(run: &Run, tolerance: [f64; 2]) -> Option<(Run, f64)> {
+    let first = run
+        .commands
+        .iter()
+        .find(|c| c.wrench.iter().any(|w| *w != 0.0))?;
+    let mut stretch = run.clone();
+    stretch.commands.clear();
+    stretch.samples.retain(|s| s.t_s < first.t_s);
+    is_still(&stretch, tolerance).then_some((stretch, first.t_s))
+}
+
 /// Noise of every channel of a run at rest: deviations from the median, each for the sd that the log says of it.
-/// Where every sample has a pose with its covariance, the pose's whitened combinations too (the coupled model's slots).
 pub fn still_noise(run: &Run) -> StillNoise {
     let measure = |name: String, samples: &[(f64, f64, f64)]| -> Option<(String, RestNoise)> {
         if samples.len() < SAMPLES_MIN {
@@ -89,7 +102,11 @@ pub fn still_noise(run: &Run) -> StillNoise {
         let reference = median(&mut sds);
         let weighed: Vec<(f64, f64, f64)> = samples
             .iter()
-            .map(|(t_s, value, sd)| (*t_s, *value, precision_of(reference, *sd)))
+            .map(|(t_s, value, sd)| {
+                let ratio = reference.map_or(1.0, |r| r / sd);
+                let weight = if ratio.is_finite() { ratio } else { 1.0 };
+                (*t_s, *value, weight.clamp(1.0 / RATIO_MOST, RATIO_MOST))
+            })
             .collect();
         Some((name, at_rest(vec![about_median(&weighed)], reference)?))
     };
@@ -102,34 +119,7 @@ pub fn still_noise(run: &Run) -> StillNoise {
             .collect();
         measure(c.name().to_owned(), &samples)
     };
-    let combination = |last: Channel| {
-        if !every_pose_is_known(run) {
-            return None;
-        }
-        // Deviations, not values: a covariance that varies would turn a place far from zero into noise.
-        let middle = Channel::POSES.map(|c| run.median(c).unwrap_or(0.0));
-        let samples: Vec<(f64, f64, f64)> = run
-            .samples
-            .iter()
-            .map(|s| {
-                let rows = inverse_root(s.covariance.as_deref());
-                let row = rows[last.index()].iter().take(last.index() + 1);
-                let away = s.values.iter().zip(&middle);
-                let value = row
-                    .zip(away)
-                    .map(|(by, (v, middle))| by * (v - middle))
-                    .sum();
-                (s.t_s, value, f64::NAN)
-            })
-            .collect();
-        measure(whitened_name(last.name()), &samples)
-    };
-    let combinations = Channel::POSES.into_iter().filter_map(combination);
-    Channel::ALL
-        .into_iter()
-        .filter_map(channel)
-        .chain(combinations)
-        .collect()
+    Channel::ALL.into_iter().filter_map(channel).collect()
 }
 
 /// Watches a log being written and measures the noise at its end, if the vehicle was at rest throughout.

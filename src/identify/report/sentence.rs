@@ -1,4 +1,4 @@
-//! Result in one sentence: the coefficients, and whether anything is left in the residuals.
+//! Result in one sentence: the coefficients, and whether the model explains the runs.
 
 use crate::outcome::{Estimate, Identification};
 use hydroline_report::significant;
@@ -33,8 +33,7 @@ pub(super) fn sentence(result: &Identification) -> String {
     };
     format!(
         "{runs} {counted} coefficients of the model {}{values}. {}",
-        result.model,
-        left(result)
+        result.model, result.test.sentence
     )
 }
 
@@ -53,27 +52,13 @@ fn value(p: &Estimate) -> String {
     )
 }
 
-/// Sentence on the residuals.
-fn left(result: &Identification) -> String {
-    let at_rest = |n: &crate::outcome::SlotNoise| n.source == "measured at rest";
-    let ratio = result.variance_ratio.sqrt();
-    if !result.misfit.is_empty() {
-        "The residuals are not noise alone: the model lacks something.".to_owned()
-    } else if result.noise.values().any(at_rest) {
-        format!("The residuals are noise alone: {ratio:.2} times what was measured at rest.")
-    } else {
-        "The residuals are white; their size is not checked, for no run at rest measured the noise."
-            .to_owned()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::Objective;
+    use crate::model_test::ModelTest;
     use std::collections::BTreeMap;
 
-    fn found(excited: &[bool], misfit: &[&str]) -> Identification {
+    fn found(excited: &[bool], tested: &str) -> Identification {
         let keys: Vec<String> = (0..excited.len()).map(|k| format!("c{k}")).collect();
         let estimate = |excited: bool| Estimate {
             symbol: "X_u".to_owned(),
@@ -93,11 +78,9 @@ mod tests {
             .zip(excited.iter().map(|e| estimate(*e)));
         Identification {
             model: "surge".to_owned(),
-            method: "lm".to_owned(),
-            objective: Objective::LeastSquares,
-            objective_value: 0.0,
-            evaluations: 1,
-            converged: true,
+            flat_priors: false,
+            ln_evidence: 0.0,
+            fits: 1,
             parameters: parameters.collect(),
             order: keys,
             covariance: Vec::new(),
@@ -105,7 +88,11 @@ mod tests {
             noise: BTreeMap::new(),
             variance_ratio: 1.0,
             residuals: Vec::new(),
-            misfit: misfit.iter().map(|w| (*w).to_owned()).collect(),
+            test: ModelTest {
+                sentence: tested.to_owned(),
+                ..ModelTest::default()
+            },
+            misfit: Vec::new(),
             cross_validation: Vec::new(),
             blind_spots: Vec::new(),
             held_effects: Vec::new(),
@@ -116,20 +103,19 @@ mod tests {
     }
 
     #[test]
-    fn the_sentence_counts_what_is_known_and_says_what_is_left() {
-        let words = sentence(&found(&[true, false], &[]));
+    fn the_sentence_counts_what_is_known_and_ends_with_the_test() {
+        let words = sentence(&found(&[true, false], "Nothing was left out."));
         assert!(
             words.contains("1 of the 2 coefficients of the model surge: X_u = -12.500 kg/s"),
             "{words}"
         );
         assert!(words.contains("(95 % -13.500 .. -11.500)"), "{words}");
-        assert!(words.contains("no run at rest"), "{words}");
-        let words = sentence(&found(&[true; 18], &["x_m: louder"]));
+        assert!(words.ends_with("). Nothing was left out."), "{words}");
+        let words = sentence(&found(&[true; 18], ""));
         assert!(
             words.contains("all 18") && !words.contains("X_u"),
             "{words}"
         );
-        assert!(words.contains("lacks something"), "{words}");
-        assert!(sentence(&found(&[false], &[])).contains("none of the 1"));
+        assert!(sentence(&found(&[false], "")).contains("none of the 1"));
     }
 }

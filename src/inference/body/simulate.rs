@@ -102,8 +102,14 @@ impl Body {
         let Some(model) = self.model(terms, natural) else {
             return vec![PerChannel::splat(T::from_f64(f64::NAN)); r.times_s.len()];
         };
-        if let (Some(line), [position, rate]) = (self.lines.get(index), starts) {
-            return self.along(index, line, model, (*position, *rate));
+        if let Some(line) = self.lines.get(index) {
+            // What is not free begins at rest.
+            let of = |c: Channel| {
+                let place = self.starts[index].iter().position(|s| *s == c);
+                place.map_or(T::from_f64(self.rest[index][c]), |i| starts[i])
+            };
+            let [position, rate] = Channel::of(line.dof).map(of);
+            return self.along(index, line, model, (position, rate));
         }
         let mut state = ModelState::at_rest(self.rest[index].pose().map(T::from_f64));
         for (c, value) in self.starts[index].iter().zip(starts) {

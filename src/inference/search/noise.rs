@@ -49,6 +49,7 @@ impl Search<'_> {
             used: noises.used.clone(),
             floor_sd: before.floor_sd,
             has_force: before.has_force,
+            at_rest: before.at_rest,
         };
         let [old, new] = [kept, noises].map(|noises| {
             self.problem.noises = noises;

@@ -10,16 +10,15 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
-use hydroline_identify::axis::Axis;
-use hydroline_identify::data::Start;
-use hydroline_identify::forward::Forward;
-use hydroline_identify::lm::LevenbergMarquardt;
-use hydroline_identify::method::Method;
+use hydroline_estimate::{Options, identify};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::problem::{Objective, Problem};
-use hydroline_identify::{Options, identify};
-use hydroline_lab::cmaes::Cmaes;
-use hydroline_lab::ga::Genetic;
+use hydroline_lab::search::axis::{Axis, Start};
+use hydroline_lab::search::cmaes::Cmaes;
+use hydroline_lab::search::forward::Forward;
+use hydroline_lab::search::ga::Genetic;
+use hydroline_lab::search::lm::LevenbergMarquardt;
+use hydroline_lab::search::method::Method;
+use hydroline_lab::search::problem::{Objective, Problem};
 use hydroline_rigs::{Dof, Rig};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
@@ -220,7 +219,7 @@ fn main() -> ExitCode {
         ),
         ("the same without cross-validation", false, UNCERTAINTY_S),
     ] {
-        let (mut evaluations, mut times_s) = (0, Vec::new());
+        let (mut fits, mut times_s) = (0, Vec::new());
         for _ in 0..TAKES {
             let start = Instant::now();
             let found = identify(
@@ -232,11 +231,11 @@ fn main() -> ExitCode {
                 },
             )
             .expect("identified");
-            evaluations = found.evaluations;
+            fits = found.fits;
             times_s.push(start.elapsed().as_secs_f64());
         }
         let took_s = median(times_s);
-        println!("{words}: {took_s:.3} s, {evaluations} evaluations");
+        println!("{words}: {took_s:.3} s, {fits} fits");
         if took_s > asked_s {
             missed.push(format!("{words}: {took_s:.3} s, asked {asked_s} s"));
         }

@@ -4,11 +4,11 @@ use hydroline_rigs::{Dof, Rig};
 use serde::Serialize;
 
 use super::ReproduceError;
-use super::coefficient_errors::{CoefficientErrors, ESTIMATORS, Identified, by_condition};
+use super::coefficient_errors::{
+    CoefficientErrors, ESTIMATORS, Estimator, Identified, by_condition,
+};
 use super::experiment::{Experiment, Seen, guess_of};
-use hydroline_identify::data::Start;
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::problem::Objective;
 use hydroline_pose::Pose;
 
 /// One DOF by one estimator.
@@ -145,14 +145,20 @@ fn fit(
         answered += errors.len();
         frames += s.t_s.len();
     }
-    let how = (Objective::LeastSquares, Start::AtRest);
     let unit = if dof.index() < 3 {
         1e3
     } else {
         1f64.to_degrees()
     };
     Ok(Outcome {
-        identified: Identified::from_positions(dof, guess, runs, seen, positions, how)?,
+        identified: Identified::from_positions(
+            dof,
+            guess,
+            runs,
+            seen,
+            positions,
+            Estimator::Likelihood,
+        )?,
         position_rms: unit * (square / answered.max(1) as f64).sqrt(),
         frames,
         lost: 1.0 - answered as f64 / frames.max(1) as f64,

@@ -1,16 +1,15 @@
 //! Three coefficients, identified in each of many experiments, and their errors.
 
 use hydroline_core::run::Run;
-use hydroline_identify::data::Start;
-use hydroline_identify::lm::LevenbergMarquardt;
+use hydroline_estimate::{ModelChoice, Options, identify};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::problem::Objective;
-use hydroline_identify::{ModelChoice, Options, identify};
 use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
 
 use super::ReproduceError;
 use super::experiment::{Experiment, Seen};
+use crate::search::axis::Start;
+use crate::search::paper_fit::paper_fit;
 
 /// Estimators of one experiment, in the order of their outcomes.
 pub(super) const ESTIMATORS: [&str; 2] = ["paper", "joint"];
@@ -32,6 +31,15 @@ pub(super) fn by_condition<C: Copy + Sync, O: Send>(
         .collect())
 }
 
+/// Estimate of coefficients from positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Estimator {
+    /// The paper's objective (Eq. 10), every start known.
+    Paper,
+    /// The likelihood of `identify`, from rest; the place at the start is free.
+    Likelihood,
+}
+
 /// Three coefficients as one experiment identified them, in SI.
 #[derive(Clone, Copy)]
 pub(super) struct Identified {
@@ -47,25 +55,27 @@ impl Identified {
         runs: &[Experiment; 2],
         seen: &[Seen],
         positions: impl Fn(&Seen) -> &Vec<f64>,
-        (objective, start): (Objective, Start),
+        estimator: Estimator,
     ) -> Result<Identified, ReproduceError> {
         let data: Vec<Run> = runs
             .iter()
             .zip(seen)
             .map(|(r, s)| r.run(s, positions(s)))
             .collect();
-        let found = identify(
-            &data,
-            guess,
-            &Options {
-                model: ModelChoice::Axis(dof),
-                method: &LevenbergMarquardt { starts: 3 },
-                objective,
-                start,
-                cross_validate: false,
-                ..Options::default()
-            },
-        )?;
+        if estimator == Estimator::Paper {
+            let found = paper_fit(&data, &guess.vehicle, dof, Start::AtRestFromZero)?;
+            return Ok(Identified {
+                values: found.values,
+                sds: found.sds,
+            });
+        }
+        let options = Options {
+            model: ModelChoice::Axis(dof),
+            from_rest: true,
+            cross_validate: false,
+            ..Options::default()
+        };
+        let found = identify(&data, guess, &options)?;
         let keys = Coefficient::of(dof).map(Coefficient::key);
         let sd = |k: &str| found.parameters.get(k).and_then(|p| p.sd);
         Ok(Identified {

@@ -1,6 +1,6 @@
 //! The paper's own numbers: Tables 7, 10 and 11.
 
-use hydroline_identify::axis::AxisModel;
+use crate::search::axis::AxisModel;
 use hydroline_identify::parameter::PAPER_MASS_KG;
 
 /// Table 7: ψ_S \[°\] and largest absolute position error \[mm\] at 4 and 8 N; undisturbed, with pitch, with pitch and yaw.

@@ -4,11 +4,11 @@ use hydroline_rigs::{Dof, Rig};
 use serde::Serialize;
 
 use super::ReproduceError;
-use super::coefficient_errors::{CoefficientErrors, ESTIMATORS, Identified, by_condition};
+use super::coefficient_errors::{
+    CoefficientErrors, ESTIMATORS, Estimator, Identified, by_condition,
+};
 use super::experiment::{Experiment, Seen, Swing, guess_of};
 use super::paper::{TABLE7, TABLE10, TABLE11_PRINTED_MM, TABLE11_THRUST_N, largest_error_m};
-use hydroline_identify::data::Start;
-use hydroline_identify::problem::Objective;
 use hydroline_pose::Pose;
 
 /// Errors of one estimator's coefficients under one condition.
@@ -164,11 +164,9 @@ fn one(
     seed: u64,
 ) -> Result<[Outcome; 2], ReproduceError> {
     let seen = Experiment::see_all(runs, rig, seed)?;
-    let eq10 = (Objective::SumOfAbsolute, Start::AtRestFromZero);
-    let squares = (Objective::LeastSquares, Start::AtRest);
     Ok([
-        fit(guess, runs, &seen, |s| &s.formula, eq10)?,
-        fit(guess, runs, &seen, |s| &s.joint, squares)?,
+        fit(guess, runs, &seen, |s| &s.formula, Estimator::Paper)?,
+        fit(guess, runs, &seen, |s| &s.joint, Estimator::Likelihood)?,
     ])
 }
 
@@ -178,7 +176,7 @@ fn fit(
     runs: &[Experiment; 2],
     seen: &[Seen],
     positions: impl Fn(&Seen) -> &Vec<f64>,
-    how: (Objective, Start),
+    how: Estimator,
 ) -> Result<Outcome, ReproduceError> {
     let errors = |s: &Seen| -> Vec<f64> {
         // A position counts from the first, as the formula's does; the joint pose's zero is the tank's.

@@ -106,14 +106,12 @@ def identify(
     logs: Paths = (),
     *,
     rig: RigLike,
-    method: Literal["lm", "cmaes", "ga"] = "lm",
-    objective: Literal["ls", "l1"] = "ls",
     model: str = "auto",
     fix: Union[str, Sequence[str]] = (),
     from_rest: bool = False,
     from_: float = 0.0,
     to: Optional[float] = None,
-    seed: int = 1,
+    flat_priors: bool = False,
     bollard: Optional[PathLike] = None,
     write_rig: Optional[PathLike] = None,
     still: Optional[PathLike] = None,
@@ -129,17 +127,14 @@ def identify(
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
     logs: Logs, all of the same vehicle
-    rig: Rig file or built-in name: mass, inertia, thrusters, and where the search starts
-    method: Search method. All search the same ranges about the rig's values: added mass -5 .. 0, damping -10 .. +1
-        times their size; for the paper's vehicle (rig lshpi) that holds Table 9 (-500 .. 0, -100 .. 0, -500 .. 0),
-        with which `cargo bench --bench identify` runs (lm, cmaes, ga)
-    objective: Objective that the search minimises; intervals always come from the least squares (ls, l1)
+    rig: Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients
     model: surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
     fix: Coefficient to keep as the rig has it, e.g. k_pp (repeatable)
     from_rest: Every run starts at rest: initial velocities are known
     from_: Only motion from this time of each log on [s]
     to: Only motion up to this time of each log [s]
-    seed: Seed of random starts and searches
+    flat_priors: Maximum likelihood: priors of coefficients and starts say nothing; what the runs do not determine is
+        held at the rig's value
     bollard: Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and uses it for
         the logs given, which makes the thrust scale identifiable
     write_rig: Writes the rig with what was found: coefficients that the runs determine, with their covariance
@@ -162,7 +157,7 @@ def identify(
     >>> found.parameters["x_udot"].unit
     'kg'
     """
-    return Identification(call("identify", "identify", {"logs": logs, "rig": rig, "method": method, "objective": objective, "model": model, "fix": fix, "from_rest": from_rest, "from_": from_, "to": to, "seed": seed, "bollard": bollard, "write_rig": write_rig, "still": still, "other_rig": other_rig, "fail_on": fail_on, "report": report, "force": force}, progress))
+    return Identification(call("identify", "identify", {"logs": logs, "rig": rig, "model": model, "fix": fix, "from_rest": from_rest, "from_": from_, "to": to, "flat_priors": flat_priors, "bollard": bollard, "write_rig": write_rig, "still": still, "other_rig": other_rig, "fail_on": fail_on, "report": report, "force": force}, progress))
 
 
 def diagnose(

@@ -73,13 +73,18 @@ class Identification(Result):
 
     @property
     def variance_ratio(self) -> float:
-        """Residual variance over the noise used; 1 = the noise explains the residuals."""
+        """Residual variance over that of the noise at rest, else over the noise found; 1 = the noise explains the residuals."""
         return float(self._fields["variance_ratio"])
 
     @property
-    def converged(self) -> bool:
-        """Whether the method converged."""
-        return bool(self._fields["converged"])
+    def explains(self) -> bool:
+        """Whether the model explains the runs; ``sentence`` says it in words."""
+        return bool(self._fields["test"]["explains"])
+
+    @property
+    def sentence(self) -> str:
+        """Whether the model explains the runs, and what was never driven, in a sentence."""
+        return str(self._fields["test"]["sentence"])
 
     @property
     def notes(self) -> List[str]:

@@ -26,8 +26,8 @@ def test_ten_logs_one_by_one(logs: List[str]) -> None:
 
 def test_several_logs_and_options(logs: List[str]) -> None:
     two = logs[5:7]
-    found = hydroline.identify(two, rig="lshpi", from_rest=True, fix=["x_uu"], seed=3, from_=1, to=20)
-    words = ["identify", *two, "--rig", "lshpi", "--from-rest", "--fix", "x_uu", "--seed", 3, "--from", 1, "--to", 20]
+    found = hydroline.identify(two, rig="lshpi", from_rest=True, fix=["x_uu"], flat_priors=True, from_=1, to=20)
+    words = ["identify", *two, "--rig", "lshpi", "--from-rest", "--fix", "x_uu", "--flat-priors", "--from", 1, "--to", 20]
     assert found.json == command(*words, "--json")
     found = hydroline.diagnose(two, rig=hydroline.Rig.load("lshpi"), hold_out=logs[7], time_limit="none")
     words = ["diagnose", *two, "--rig", "lshpi", "--hold-out", logs[7], "--time-limit", "none"]

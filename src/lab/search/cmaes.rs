@@ -6,9 +6,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
-use hydroline_identify::forward::ForwardError;
-use hydroline_identify::method::{Method, MethodError, Solution};
-use hydroline_identify::problem::{Objective, Problem};
+use super::forward::ForwardError;
+use super::method::{Method, MethodError, Solution};
+use super::problem::{Objective, Problem};
 
 /// Settings of the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,7 +103,7 @@ impl Cmaes {
         let chi = nf.sqrt() * (1.0 - 1.0 / (4.0 * nf) + 1.0 / (21.0 * nf * nf));
 
         // A pinned number has no range: its share is any.
-        let share = |f: &hydroline_identify::parameter::Free| {
+        let share = |f: &super::forward::Free| {
             let range = f.high - f.low;
             if range > 0.0 {
                 ((f.start - f.low) / range).clamp(0.0, 1.0)

@@ -2,7 +2,18 @@
 
 use nalgebra::DMatrix;
 
-use super::parameter::Free;
+/// A free number of a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Free {
+    /// Name in results.
+    pub name: String,
+    /// Where the search starts.
+    pub start: f64,
+    /// Smallest value allowed.
+    pub low: f64,
+    /// Largest value allowed.
+    pub high: f64,
+}
 
 /// Failure of a prediction; a search treats it as infinitely bad.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -32,9 +43,6 @@ pub struct ObservedRun {
     pub times_s: Vec<f64>,
     /// Measurements in the order of predictions; NaN = none.
     pub measured: Vec<f64>,
-    /// sd of each measurement as the log says it, in the order of predictions; NaN = not said.
-    /// Empty where the log says none at all, or where the slots are in units of it already.
-    pub logged_sd: Vec<f64>,
     /// The run's own unknowns.
     pub locals: Vec<Free>,
 }
@@ -42,8 +50,7 @@ pub struct ObservedRun {
 /// Motion of several runs as a function of coefficients (`globals`) and of each run's own unknowns (`locals`).
 ///
 /// A run's parameters are `globals` followed by its `locals`. Predictions are sample-major:
-/// sample k, slot c at `k * slots + c`. A slot is a channel, or a combination of channels that
-/// the measurement's covariance leaves uncorrelated (then in units of its sd).
+/// sample k, slot c at `k * slots + c`. A slot is a channel.
 pub trait Forward: Sync {
     /// Unknowns and measurements.
     fn observed(&self) -> &Observed;
@@ -71,10 +78,6 @@ pub trait Forward: Sync {
     fn measured(&self, run: usize) -> &[f64] {
         &self.observed().runs[run].measured
     }
-    /// sd of each measurement, as [`ObservedRun::logged_sd`].
-    fn logged_sd(&self, run: usize) -> &[f64] {
-        &self.observed().runs[run].logged_sd
-    }
     /// Fills `out` with a run's predictions.
     ///
     /// # Errors
@@ -95,34 +98,4 @@ pub trait Forward: Sync {
         parameters: &[f64],
         out: &mut Vec<f64>,
     ) -> Result<DMatrix<f64>, ForwardError>;
-    /// Predictions of the physical channels: (name, measured, predicted) over the stamps.
-    ///
-    /// # Errors
-    /// As [`Forward::values`].
-    fn channels(&self, run: usize, parameters: &[f64]) -> Result<Vec<ChannelSeries>, ForwardError>;
-}
-
-/// One measured channel of one run beside its prediction.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChannelSeries {
-    /// Name, SI unit in it.
-    pub name: String,
-    /// Measured; NaN = not.
-    pub measured: Vec<f64>,
-    /// Predicted values, one for each of `measured`.
-    pub predicted: Vec<f64>,
-}
-
-impl ChannelSeries {
-    /// rms of measured - predicted over what was measured.
-    pub fn rms(&self) -> f64 {
-        let pairs = self
-            .measured
-            .iter()
-            .zip(&self.predicted)
-            .map(|(m, p)| m - p)
-            .filter(|d| d.is_finite());
-        let (sum, n) = pairs.fold((0.0, 0usize), |(s, n), d| (s + d * d, n + 1));
-        (sum / n.max(1) as f64).sqrt()
-    }
 }

@@ -2,21 +2,18 @@
 //!
 //! The loop is that of `hydroline-numerics`; here are its bounds, its starts and how far it goes.
 
-mod least_absolute;
-
 use hydroline_numerics::least_squares::{
     Damping, LeastSquares, Normal, Options, minimise as minimise_squares,
 };
 use nalgebra::{DVector, Dyn};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::forward::ForwardError;
+use super::forward::{ForwardError, Free};
+use super::least_absolute::least_absolute;
 use super::method::{Method, MethodError, Solution};
-use super::parameter::Free;
 use super::problem::{Objective, Problem};
-use least_absolute::least_absolute;
 
-/// The default method.
+/// Levenberg–Marquardt from several starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LevenbergMarquardt {
     /// Starting points: the rig's numbers first, then random ones within the bounds.
@@ -126,101 +123,39 @@ pub fn from(
     objective: Objective,
     start: Vec<f64>,
 ) -> Result<Solution, ForwardError> {
-    let held = vec![false; start.len()];
-    let squares = least_squares(problem, start, &held)?;
+    let squares = least_squares(problem, start)?;
     match objective {
         Objective::LeastSquares => Ok(squares),
         Objective::SumOfAbsolute => least_absolute(problem, squares),
     }
 }
 
-/// A sum of squares to be made small: anything with free numbers and normal equations.
-pub trait Squares {
-    /// Every free number with its bounds.
-    fn free(&self) -> &[Free];
-    /// Half the sum of squares; infinite where the motion diverges or a bound is left.
-    fn cost(&self, at: &[f64]) -> f64;
-    /// Normal equations.
-    ///
-    /// # Errors
-    /// [`ForwardError`] when the motion diverges.
-    fn normal(&self, at: &[f64]) -> Result<Normal<Dyn>, ForwardError>;
-}
-
-impl Squares for Problem<'_> {
-    fn free(&self) -> &[Free] {
-        Problem::free(self)
-    }
-    fn cost(&self, at: &[f64]) -> f64 {
-        self.objective(Objective::LeastSquares, at)
-    }
-    fn normal(&self, at: &[f64]) -> Result<Normal<Dyn>, ForwardError> {
-        Problem::normal(self, at)
-    }
-}
-
-/// Least squares with some parameters held where they are.
-///
-/// # Errors
-/// As [`from`].
-pub fn least_squares(
-    problem: &Problem<'_>,
-    at: Vec<f64>,
-    held: &[bool],
-) -> Result<Solution, ForwardError> {
-    Ok(descend(problem, at, held, 0.0)?.0)
-}
-
-/// Least squares of anything; ends when a step gains less than `enough` (and a thousandth of it per
-/// unit of cost: a bad fit need not be fine), with `enough` = 0 less than 1e-12 of the cost twice.
-/// Returns the normal equations at the end too.
-///
-/// # Errors
-/// [`ForwardError`] when the motion diverges already at the start.
-pub fn descend(
-    problem: &impl Squares,
-    mut at: Vec<f64>,
-    held: &[bool],
-    enough: f64,
-) -> Result<(Solution, Normal<Dyn>), ForwardError> {
+/// Least squares to the last digits of the minimum.
+fn least_squares(problem: &Problem<'_>, mut at: Vec<f64>) -> Result<Solution, ForwardError> {
     for (value, free) in at.iter_mut().zip(problem.free()) {
         *value = value.clamp(free.low, free.high);
     }
-    let options = if enough > 0.0 {
-        Options {
-            decrease_absolute: enough,
-            decrease_relative: 1e-3 * enough,
-            decrease_times: 1,
-            ..SEARCH
-        }
-    } else {
-        SEARCH
-    };
-    let found = minimise_squares(&mut Bounded { problem, held }, at, &options)?;
-    let solution = Solution {
+    let found = minimise_squares(&mut Bounded(problem), at, &SEARCH)?;
+    Ok(Solution {
         parameters: found.at,
         objective: found.normal.cost,
         // Each accepted step was linearised too, and so was the start.
         evaluations: 1 + found.trials + found.iterations,
         converged: found.ended.converged(),
         tries: 1,
-    };
-    Ok((solution, found.normal))
+    })
 }
 
-/// A sum of squares within its bounds, some parameters held.
-struct Bounded<'a, P> {
-    problem: &'a P,
-    held: &'a [bool],
-}
+/// A sum of squares within its bounds.
+struct Bounded<'a, 'f>(&'a Problem<'f>);
 
-impl<P: Squares> LeastSquares<Dyn> for Bounded<'_, P> {
+impl LeastSquares<Dyn> for Bounded<'_, '_> {
     type Point = Vec<f64>;
     type Evaluated = ();
     type Error = ForwardError;
 
     fn cost(&mut self, at: &Vec<f64>, (): &mut ()) -> Option<f64> {
-        Some(self.problem.cost(at))
+        Some(self.0.objective(Objective::LeastSquares, at))
     }
 
     fn begin(&mut self, _: &Vec<f64>, (): &mut ()) -> Result<(), ForwardError> {
@@ -228,7 +163,7 @@ impl<P: Squares> LeastSquares<Dyn> for Bounded<'_, P> {
     }
 
     fn linearise(&mut self, at: &Vec<f64>, (): &()) -> Result<Normal<Dyn>, ForwardError> {
-        self.problem.normal(at)
+        self.0.normal(at)
     }
 
     fn moved(&self, at: &Vec<f64>, step: &DVector<f64>) -> Option<Vec<f64>> {
@@ -238,7 +173,7 @@ impl<P: Squares> LeastSquares<Dyn> for Bounded<'_, P> {
         Some(
             at.iter()
                 .zip(step)
-                .zip(self.problem.free())
+                .zip(self.0.free())
                 .map(clamped)
                 .collect(),
         )
@@ -246,10 +181,10 @@ impl<P: Squares> LeastSquares<Dyn> for Bounded<'_, P> {
 
     fn moves(&self, at: &Vec<f64>, gradient: &DVector<f64>, k: usize) -> bool {
         // A parameter on its bound that wants out stays for this step.
-        let free = &self.problem.free()[k];
+        let free = &self.0.free()[k];
         let down_and_out = at[k] <= free.low && gradient[k] > 0.0;
         let up_and_out = at[k] >= free.high && gradient[k] < 0.0;
-        !(self.held[k] || down_and_out || up_and_out)
+        !(down_and_out || up_and_out)
     }
 
     fn negligible(&self, from: &Vec<f64>, to: &Vec<f64>, _: &DVector<f64>) -> bool {

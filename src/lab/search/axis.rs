@@ -11,11 +11,44 @@ use hydroline_rigs::{Dof, Vehicle};
 use hydroline_sim::{Dual, Real};
 use nalgebra::DMatrix;
 
-use super::data::Start;
-use super::forward::{ChannelSeries, Forward, ForwardError, Observed, ObservedRun};
-use super::parameter::{Coefficient, Free, free};
+use super::forward::{Forward, ForwardError, Free, Observed, ObservedRun};
 use hydroline_core::run::Channel::{Psi, X, Y};
 use hydroline_core::run::{Channel, PerChannel, Run, start_s};
+use hydroline_identify::parameter::{Coefficient, Term};
+
+/// Prior knowledge of every run's start; by default none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Start {
+    /// Nothing: place and velocity are free in each run.
+    #[default]
+    Free,
+    /// At rest: the velocity is 0, the place is free.
+    AtRest,
+    /// At rest, and positions count from the first frame as the paper's x_i = (X_S,i − X_S,1) cos ψ_S do: place and velocity are 0.
+    AtRestFromZero,
+}
+
+/// Search range about what the rig says: damping -10 to +1, added mass -5 to 0 times its size.
+///
+/// Damping may turn out positive: no hull has it, but a fit that is stopped at 0 hides that its model lacks something.
+fn free(coefficient: Coefficient, vehicle: &Vehicle) -> Free {
+    let start = coefficient.of_vehicle(vehicle);
+    let rigid = match coefficient.dof.index() {
+        0..3 => vehicle.mass_kg,
+        i => vehicle.inertia_kgm2[i - 3],
+    };
+    let (low, high) = match coefficient.term {
+        // Hulls of several times their mass are in it.
+        Term::Added => (-5.0 * start.abs().max(rigid), 0.0),
+        Term::Linear | Term::Quadratic => (-10.0 * start.abs(), start.abs()),
+    };
+    Free {
+        name: coefficient.key().to_owned(),
+        start,
+        low,
+        high,
+    }
+}
 
 /// Longest RK4 step \[s\]: with time constants of seconds its error is below 1e-7 of the motion.
 const STEP_MAX_S: f64 = 0.04;
@@ -313,34 +346,17 @@ impl AxisRun {
             Y if both => v[Y] * psi.cos() - v[X] * psi.sin(),
             _ => v[place],
         };
-        // The same combination of the pose's covariance.
-        let variance = |p: &[f64; 36]| {
-            let (c, s) = (psi.cos(), psi.sin());
-            match place {
-                X if both => c * c * p[0] + c * s * (p[1] + p[6]) + s * s * p[7],
-                Y if both => s * s * p[0] - c * s * (p[1] + p[6]) + c * c * p[7],
-                _ => p[7 * i],
-            }
-        };
         let mut measured = Vec::new();
-        let mut logged_sd = Vec::new();
         let mut times_s = Vec::new();
         for sample in &run.samples {
             let position = along(&sample.values);
             if position.is_finite() || (with_rate && sample.values[rate].is_finite()) {
                 times_s.push(sample.t_s);
                 measured.push(position);
-                let known = sample.covariance.as_deref().map(variance);
-                logged_sd.push(known.filter(|v| *v > 0.0).map_or(f64::NAN, f64::sqrt));
                 if with_rate {
                     measured.push(sample.values[rate]);
-                    // A log's covariance is that of the pose.
-                    logged_sd.push(f64::NAN);
                 }
             }
-        }
-        if !logged_sd.iter().any(|sd| sd.is_finite()) {
-            logged_sd.clear();
         }
         let start_s = start_s(&times_s);
         let steps = plan_steps(run, i, start_s, &times_s);
@@ -401,7 +417,6 @@ impl AxisRun {
         let observed = ObservedRun {
             times_s,
             measured,
-            logged_sd,
             locals,
         };
         (made, observed)
@@ -493,22 +508,6 @@ impl Forward for Axis {
         };
         self.finite(run, out)?;
         Ok(jacobian)
-    }
-
-    fn channels(&self, run: usize, parameters: &[f64]) -> Result<Vec<ChannelSeries>, ForwardError> {
-        let mut out = Vec::new();
-        self.values(run, parameters, &mut out)?;
-        let slots = self.slots();
-        let every = slots.len();
-        let pick =
-            |values: &[f64], c: usize| values.iter().skip(c).step_by(every).copied().collect();
-        Ok((0..every)
-            .map(|c| ChannelSeries {
-                name: slots[c].clone(),
-                measured: pick(self.measured(run), c),
-                predicted: pick(&out, c),
-            })
-            .collect())
     }
 }
 

@@ -7,9 +7,9 @@
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
-use hydroline_identify::forward::ForwardError;
-use hydroline_identify::method::{Method, MethodError, Solution};
-use hydroline_identify::problem::{Objective, Problem};
+use super::forward::ForwardError;
+use super::method::{Method, MethodError, Solution};
+use super::problem::{Objective, Problem};
 
 /// Settings; the default is Table 8.
 #[derive(Debug, Clone, Copy, PartialEq)]

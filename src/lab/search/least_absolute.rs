@@ -6,9 +6,9 @@
 use hydroline_numerics::cholesky::{JITTER, ScaledCholesky};
 use nalgebra::{DMatrix, DVector};
 
-use crate::forward::ForwardError;
-use crate::method::Solution;
-use crate::problem::{Objective, Problem};
+use super::forward::ForwardError;
+use super::method::Solution;
+use super::problem::{Objective, Problem};
 
 /// Linear problems at most.
 const L1_ITERATIONS_MAX: usize = 40;

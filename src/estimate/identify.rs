@@ -1,0 +1,128 @@
+//! The whole way from runs to parameters with their uncertainty.
+
+use hydroline_core::run::Run;
+use hydroline_identify::Identification;
+use hydroline_identify::blind::blind_spots;
+use hydroline_identify::data::{is_still, stretched};
+use hydroline_identify::parameter::Coefficient;
+use hydroline_inference::at_rest::AtRest;
+use hydroline_inference::recording::Recording;
+use hydroline_rigs::{Dof, Rig};
+
+use super::asked::Asked;
+use super::conclude::Concluding;
+use super::fitted::fitted;
+use super::held_out::cross_validate;
+use super::numbers::Numbers;
+use super::options::{EstimateError, Options};
+
+/// Identifies from runs; runs at rest (no load, >= 20 s, no motion) measure the noise instead. A gap that is longer than
+/// the vehicle remembers begins another run.
+///
+/// # Errors
+/// [`EstimateError`].
+pub fn identify(
+    runs: &[Run],
+    rig: &Rig,
+    options: &Options<'_>,
+) -> Result<Identification, EstimateError> {
+    let runs = stretched(runs, rig)?;
+    let tolerance = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
+    let count = runs.len();
+    let (still, moving): (Vec<Run>, Vec<Run>) =
+        runs.into_iter().partition(|r| is_still(r, tolerance));
+    if moving.is_empty() {
+        return Err(match count {
+            0 => EstimateError::NoRun,
+            n => EstimateError::OnlyStill(n),
+        });
+    }
+    let recording = Recording::new(&moving, rig.tank.start_pose[5]);
+    let at_rest = AtRest::of(&still, &moving, rig, &recording);
+    let asked = Asked::of(&moving, rig, &recording, options);
+    let body = asked.body(recording, rig, options)?;
+    let fitted = fitted(body, at_rest.least(), (rig, &asked.name), options.progress)?;
+    (options.progress)("intervals");
+    let numbers =
+        Numbers::of(&fitted, rig).ok_or_else(|| EstimateError::NoFit(asked.name.clone()))?;
+    let concluding = Concluding {
+        fitted: &fitted,
+        numbers: &numbers,
+        asked: &asked,
+        at_rest: &at_rest,
+        rig,
+    };
+    let mut result = concluding.result(&moving);
+    note_covariances(&moving, &mut result);
+    note_rest(&at_rest, &mut result);
+    if options.cross_validate && moving.len() > 1 {
+        (options.progress)("each run by the others");
+        result.cross_validation = cross_validate(&fitted, rig);
+        result.fits += result.cross_validation.len();
+    }
+    let undetermined: Vec<Coefficient> = asked
+        .coefficients
+        .iter()
+        .copied()
+        .filter(|c| result.parameters.get(c.key()).is_some_and(|p| !p.excited))
+        .collect();
+    let restored: Vec<Dof> = asked
+        .dofs
+        .iter()
+        .copied()
+        .filter(|d| is_restored(rig, *d))
+        .collect();
+    result.blind_spots = blind_spots(
+        &moving,
+        &asked.dofs,
+        &asked.resting(),
+        &undetermined,
+        &restored,
+    );
+    result.held_effects = rig.physics.iter().map(|p| p.effect.clone()).collect();
+    Ok(result)
+}
+
+/// Whether weight or water bring a DOF back.
+fn is_restored(rig: &Rig, dof: Dof) -> bool {
+    match dof {
+        Dof::Roll | Dof::Pitch => true,
+        Dof::Heave => rig.vehicle.stiffness[0] != 0.0,
+        Dof::Surge | Dof::Sway | Dof::Yaw => false,
+    }
+}
+
+/// Says how many samples carry no covariance beside others that do.
+fn note_covariances(moving: &[Run], result: &mut Identification) {
+    let all = moving.iter().flat_map(|r| &r.samples);
+    let (count, known) = all.fold((0usize, 0usize), |(n, k), s| {
+        (n + 1, k + usize::from(s.covariance.is_some()))
+    });
+    if known > 0 && known < count {
+        result.notes.push(format!(
+            "{} of {count} samples carry no covariance of the pose: they count like the median of the others",
+            count - known
+        ));
+    }
+}
+
+/// Says which stretches at rest measured the noise.
+fn note_rest(at_rest: &AtRest, result: &mut Identification) {
+    for r in &at_rest.stretches {
+        result.notes.push(format!(
+            "{}: at rest for {:.0} s{}, {}",
+            r.run,
+            r.length_s,
+            if r.is_opening {
+                " before its first load"
+            } else {
+                ""
+            },
+            if r.measures {
+                "used as the measurement of the noise: the least that it is in motion"
+            } else {
+                "not used: it measured nothing that these equations are fitted to"
+            }
+        ));
+    }
+}
