@@ -37,7 +37,7 @@ pub struct Coefficients {
     pub covariance: Vec<Vec<f64>>,
     /// Residual variance over the noise: 1 = the noise explains the residuals.
     pub variance_ratio: f64,
-    /// Residuals that the noise does not explain, in words.
+    /// What the model does not explain of the runs, in words; empty = it explains them.
     pub misfit: Vec<String>,
     /// Noise sd by channel, SI.
     pub noise_sd: BTreeMap<String, f64>,

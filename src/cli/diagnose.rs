@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::fail_on::{FailOn, judged};
 use super::limit::{LimitArgs, until_ctrl_c};
 use super::output::Output;
 use super::print::{self, errln, outln};
 use super::progress::Stages;
-use super::{CliError, Outcome, call, inputs};
+use super::{CliError, Outcome, call, inputs, logs};
 use hydroline_diagnose::verdict::{Verdict, Word};
 use hydroline_diagnose::{Beside, Diagnosis, Part, Source, Watch, diagnose_beside, read, report};
 use hydroline_identify::data::check_vehicle;
@@ -30,16 +31,19 @@ Examples:
   hydroline diagnose run1.mcap run2.mcap --rig lshpi --report out
   hydroline diagnose run*.mcap --rig my.toml --hold-out other.mcap --write-rig better.toml
   hydroline diagnose decay.mcap@9..34 --rig my.toml --json
+  hydroline diagnose tank-day/    # all logs of a folder, by the rig that they carry
   hydroline diagnose zigzag.mcap --rig ship.toml --given sway,yaw
 
-Exit codes: 0 there is a verdict, whichever; 1 no verdict could be reached; 2 bad arguments, rig or logs.")]
+Exit codes: 0 there is a verdict, whichever; 1 no verdict could be reached, or --fail-on found what it names (the verdict is printed \
+and written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs to explain, all of the same vehicle; LOG@9..34 is a window of one, in seconds since its first stamp
-    #[arg(required = true, value_name = "LOG")]
+    /// Logs to explain, all of the same vehicle, or folders of logs; LOG@9..34 is a window of one, in seconds since its first stamp
+    #[arg(required = true, value_name = "LOG|FOLDER")]
     logs: Vec<Part>,
-    /// Rig file or built-in name: the model that is asked what it left out
+    /// Rig file or built-in name: the model that is asked what it left out. Without it the rig that the logs carry, where all carry
+    /// the same
     #[arg(long, value_name = "RIG")]
-    rig: String,
+    rig: Option<String>,
     /// Log that is predicted and never fitted (repeatable): it chooses nothing and shows how well the verdict predicts;
     /// without any, each run is predicted by the others. LOG@34..64 is a window of one
     #[arg(long, value_name = "LOG")]
@@ -55,6 +59,9 @@ pub struct Args {
     /// repeatable, or with commas): a towed or steered hull, a carriage
     #[arg(long, value_name = "DOF", value_delimiter = ',', value_parser = dof)]
     given: Vec<Dof>,
+    /// Ends with exit code 1 when the result holds this (several with commas), for scripts
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    fail_on: Vec<FailOn>,
     #[command(flatten)]
     limit: LimitArgs,
     /// Prints one JSON object
@@ -83,24 +90,22 @@ pub(super) fn dof(name: &str) -> Result<Dof, String> {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let rig = inputs::rig(&args.rig)?;
+    let (logs, hold_out) = (logs::opened(&args.logs)?, logs::opened(&args.hold_out)?);
+    let paths = logs.iter().chain(&hold_out).map(|p| p.path.as_path());
+    let rig = logs::rig(args.rig.as_deref(), paths)?;
     if let Some(path) = &args.write_rig {
         args.output.file("--write-rig", path)?;
     }
     if let Some(dir) = &args.report {
         args.output.folder("--report", dir, &REPORT_FILES)?;
     }
-    if let Some(held) = args
-        .hold_out
-        .iter()
-        .find(|h| args.logs.iter().any(|l| l.overlaps(h)))
-    {
+    if let Some(held) = hold_out.iter().find(|h| logs.iter().any(|l| l.overlaps(h))) {
         return Err(CliError::Config(format!(
             "--hold-out {}: (part of) it is fitted too, and predicts nothing then; give another log, or windows that do not overlap (LOG@FROM..TO)",
             held.path.display()
         )));
     }
-    for part in args.logs.iter().chain(&args.hold_out) {
+    for part in logs.iter().chain(&hold_out) {
         inputs::readable_file(&part.path, "name a log (.mcap) that can be read")?;
         if !args.other_rig {
             for words in check_vehicle(&part.path, &rig)? {
@@ -124,14 +129,14 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         given: &args.given,
         ..Beside::default()
     };
-    let (sources, held) = (load(&args.logs)?, load(&args.hold_out)?);
+    let (sources, held) = (load(&logs)?, load(&hold_out)?);
     let watch = Watch {
         progress: &tell,
         limit: until_ctrl_c(args.limit.begin()),
     };
     let mut found = diagnose_beside(&sources, &held, &rig, &beside, watch)?;
     drop(stages);
-    if let Some(command) = fitting_too(args, &held, &found.verdict) {
+    if let Some(command) = fitting_too(args, (&logs, &hold_out), &held, &found.verdict) {
         let note = format!("to fit what was held out and missed, too: {command}");
         found.verdict.notes.push(note);
     }
@@ -156,12 +161,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     } else {
         print(&found.verdict);
     }
+    let test = found.verdict.vehicle_alone.clone();
     call::offer(move || report::pages(&found, "hydroline.diagnose").page.html());
+    judged(&args.fail_on, &test, "")?;
     Ok(Outcome::Done)
 }
 
 /// Command that fits, too, the logs held out that contradict a verdict, as a shell takes it; `None` where none does.
-fn fitting_too(args: &Args, held: &[Source], verdict: &Verdict) -> Option<String> {
+fn fitting_too(
+    args: &Args,
+    (logs, hold_out): (&[Part], &[Part]),
+    held: &[Source],
+    verdict: &Verdict,
+) -> Option<String> {
     let is_missed = |source: &Source| {
         let name = &source.run.name;
         // A log with a gap is several runs, each named after it.
@@ -172,19 +184,21 @@ fn fitting_too(args: &Args, held: &[Source], verdict: &Verdict) -> Option<String
         verdict.contradicted_by.iter().any(|c| of_log(&c.log))
     };
     let mut words = vec!["hydroline".to_owned(), "diagnose".to_owned()];
-    words.extend(args.logs.iter().map(Part::to_string));
+    words.extend(logs.iter().map(Part::to_string));
     let mut still_held = Vec::new();
-    for (part, source) in args.hold_out.iter().zip(held) {
+    for (part, source) in hold_out.iter().zip(held) {
         if is_missed(source) {
             words.push(part.to_string());
         } else {
             still_held.extend(["--hold-out".to_owned(), part.to_string()]);
         }
     }
-    if words.len() == 2 + args.logs.len() {
+    if words.len() == 2 + logs.len() {
         return None;
     }
-    words.extend(["--rig".to_owned(), args.rig.clone()]);
+    if let Some(rig) = &args.rig {
+        words.extend(["--rig".to_owned(), rig.clone()]);
+    }
     words.extend(still_held);
     let flags = [
         (args.other_rig, "--other-rig"),
@@ -295,6 +309,9 @@ pub(super) fn cell(value: Option<f64>) -> String {
 
 pub(super) fn print(v: &Verdict) {
     outln!("{}", v.sentence);
+    for words in v.vehicle_alone.misfit() {
+        outln!("  the vehicle alone: {words}");
+    }
     for e in &v.effects {
         let numbers: Vec<String> = e
             .parameters
@@ -427,7 +444,8 @@ mod tests {
         let args = Line::try_parse_from(line).unwrap().args;
         let held = [source("b@5..60.00"), source("c")];
         let mut verdict = Verdict::default();
-        assert_eq!(fitting_too(&args, &held, &verdict), None);
+        let parts = (&args.logs[..], &args.hold_out[..]);
+        assert_eq!(fitting_too(&args, parts, &held, &verdict), None);
         verdict.contradicted_by.push(Contradiction {
             log: "b@5..60.00@31.20..60.00".to_owned(),
             channel: "x_m".to_owned(),
@@ -437,7 +455,7 @@ mod tests {
             outside: String::new(),
         });
         assert_eq!(
-            fitting_too(&args, &held, &verdict).unwrap(),
+            fitting_too(&args, parts, &held, &verdict).unwrap(),
             "hydroline diagnose a.mcap 'my runs/b.mcap@5..' --rig 'it'\\''s.toml' --hold-out c.mcap --other-rig --given yaw"
         );
     }

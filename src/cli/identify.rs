@@ -4,48 +4,22 @@ use std::path::PathBuf;
 
 use hydroline_rigs::{Dof, Rig, ThrusterSet};
 
+use super::fail_on::{FailOn, judged};
 use super::output::Output;
 use super::print::{self, errln, out, outln};
 use super::progress::Stages;
-use super::{CliError, Outcome, call, inputs};
+use super::{CliError, Outcome, call, inputs, logs};
 use hydroline_core::run::Run;
+use hydroline_diagnose::Part;
 use hydroline_estimate::{ModelChoice, Options, identify, refit};
 use hydroline_identify::Identification;
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::curve;
-use hydroline_identify::data::{STILL_MIN_S, check_vehicle, is_still, load};
+use hydroline_identify::data::{LoadError, STILL_MIN_S, check_vehicle, is_still, load};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::report::html;
 use hydroline_report::significant;
-
-/// Property of a result at which a script should stop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FailOn {
-    /// A model that does not explain the runs, by the same test as in diagnose
-    Misfit,
-}
-
-impl FailOn {
-    /// Sentences of the result that show it; empty where it does not have it.
-    fn found(self, result: &Identification) -> &[String] {
-        match self {
-            FailOn::Misfit => &result.misfit,
-        }
-    }
-
-    fn name(self) -> String {
-        use clap::ValueEnum;
-        self.to_possible_value()
-            .map_or_else(String::new, |v| v.get_name().to_owned())
-    }
-
-    fn next_step(self) -> &'static str {
-        match self {
-            FailOn::Misfit => "`hydroline diagnose` says which physics the rig's model leaves out",
-        }
-    }
-}
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
@@ -56,6 +30,8 @@ priors of coefficients are about the rig's numbers (to some 30 %, rarely far off
 
 Examples:
   hydroline identify run1.mcap run2.mcap --rig lshpi --report out
+  hydroline identify tank-day/ --report out    # all logs of a folder, by the rig that they carry
+  hydroline identify run1.mcap@9..34 run2.mcap --rig my.toml
   hydroline identify run1.mcap --rig my.toml --still still.mcap --write-rig fitted.toml
   hydroline identify --bollard pull.csv --rig my.toml --write-rig measured.toml
   hydroline identify run1.mcap --rig my.toml --json --fail-on misfit    # in a script
@@ -63,12 +39,13 @@ Examples:
 Exit codes: 0 done; 1 no coefficients could be found, or --fail-on found what it names (the result is printed and \
 written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs, all of the same vehicle
-    #[arg(required_unless_present = "bollard", value_name = "LOG")]
-    logs: Vec<PathBuf>,
-    /// Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients
-    #[arg(long, value_name = "RIG")]
-    rig: String,
+    /// Logs, all of the same vehicle, or folders of logs; LOG@9..34 is a window of one, in seconds since its first stamp
+    #[arg(required_unless_present = "bollard", value_name = "LOG|FOLDER")]
+    logs: Vec<Part>,
+    /// Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients. Without it the rig that the logs
+    /// carry, where all carry the same
+    #[arg(long, value_name = "RIG", required_unless_present = "logs")]
+    rig: Option<String>,
     /// surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
     #[arg(long, default_value = "auto", value_name = "MODEL")]
     model: String,
@@ -97,9 +74,9 @@ pub struct Args {
     /// its uncertainty, and is named. A new curve ends the [identified] of the old one
     #[arg(long, value_name = "NEW.toml")]
     write_rig: Option<PathBuf>,
-    /// A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
+    /// A log of the plan `still` (>= 20 s at rest): its noise is the least that is looked for in the others. LOG@0..30 is a window of one
     #[arg(long, value_name = "LOG")]
-    still: Option<PathBuf>,
+    still: Option<Part>,
     /// Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file that is
     /// right for these logs too
     #[arg(long)]
@@ -118,7 +95,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let mut rig = inputs::rig(&args.rig)?;
+    let logs = &logs::opened(&args.logs)?[..];
+    let paths = logs.iter().chain(&args.still).map(|p| p.path.as_path());
+    let mut rig = logs::rig(args.rig.as_deref(), paths)?;
     if args.report.is_some() && args.logs.is_empty() {
         return Err(CliError::Config(
             "--report: nothing to report on without logs; give LOG... (the bollard pull's curve is printed, --json gives its covariance)".to_owned(),
@@ -168,7 +147,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         write_rig(args, &rig, &outdated)?;
         return Ok(Outcome::Done);
     }
-    let result = match fitted(args, &rig, model, fixed) {
+    let result = match fitted(args, logs, &rig, model, fixed) {
         Ok(found) => found,
         // A command that was wrong is typed again, and what it would have written is not in its way.
         Err(e @ CliError::Config(_)) => return Err(e),
@@ -180,7 +159,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 }
                 errln!(
                     "note: the logs gave no coefficients: the rig written holds the curve of the bollard pull only, its coefficients are those of {}",
-                    args.rig
+                    args.rig.as_deref().unwrap_or(&rig.name)
                 );
             }
             return Err(e);
@@ -208,37 +187,23 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
         }
     }
     reported?;
-    judged(args, &result)?;
+    judged(
+        &args.fail_on,
+        &result.test,
+        " `hydroline diagnose` says which physics the rig's model leaves out",
+    )?;
     Ok(Outcome::Done)
-}
-
-/// Fails where the result has what --fail-on names, once everything is printed and written.
-fn judged(args: &Args, result: &Identification) -> Result<(), CliError> {
-    let mut wanted = args.fail_on.clone();
-    wanted.dedup();
-    let found: Vec<String> = wanted
-        .iter()
-        .filter(|what| !what.found(result).is_empty())
-        .map(|what| {
-            let words = what.found(result).join("; ");
-            format!("--fail-on {}: {words}; {}", what.name(), what.next_step())
-        })
-        .collect();
-    if found.is_empty() {
-        Ok(())
-    } else {
-        Err(CliError::Run(found.join("\nhydroline: ")))
-    }
 }
 
 /// Coefficients from the logs, with what a measured thrust curve does to them.
 fn fitted(
     args: &Args,
+    logs: &[Part],
     rig: &Rig,
     model: ModelChoice,
     fixed: Vec<Coefficient>,
 ) -> Result<Identification, CliError> {
-    let runs = runs(args, rig)?;
+    let runs = runs(args, logs, rig)?;
     let stages = Stages::begin("identifying");
     let tell = |what: &str| stages.tell(what);
     let options = Options {
@@ -250,7 +215,7 @@ fn fitted(
         progress: &tell,
     };
     let mut result = identify(&runs, rig, &options)?;
-    thrust_scale(args, rig, &runs, &mut result)?;
+    thrust_scale(args, logs, rig, &runs, &mut result)?;
     Ok(result)
 }
 
@@ -305,47 +270,74 @@ fn write_rig(args: &Args, rig: &Rig, outdated: &[String]) -> Result<(), CliError
     Ok(())
 }
 
+/// A log, or the window of it; the name says which window.
+fn loaded(part: &Part, rig: &Rig) -> Result<Run, CliError> {
+    let whole = load(&part.path, rig)?;
+    let Some((from_s, to_s)) = part.window_s else {
+        return Ok(whole);
+    };
+    let end_s = whole.end_s();
+    let mut run = whole.window(from_s, to_s);
+    if run.samples.is_empty() {
+        return Err(CliError::from(LoadError::EmptyWindow {
+            log: part.path.display().to_string(),
+            from_s,
+            to_s,
+            end_s,
+        }));
+    }
+    run.name = format!("{}@{from_s}..{:.2}", run.name, run.end_s());
+    Ok(run)
+}
+
+/// Whether two parts of one recording hold the same motion.
+fn overlap(a: &Part, b: &Part) -> bool {
+    let ends = |p: &Part| p.window_s.unwrap_or((0.0, f64::INFINITY));
+    let ((from, to), (begin, end)) = (ends(a), ends(b));
+    from < end && begin < to
+}
+
 /// The logs' runs, and the one at rest.
-fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
+fn runs(args: &Args, logs: &[Part], rig: &Rig) -> Result<Vec<Run>, CliError> {
     if !args.other_rig {
-        for log in args.logs.iter().chain(&args.still) {
-            for words in check_vehicle(log, rig)? {
+        for log in logs.iter().chain(&args.still) {
+            for words in check_vehicle(&log.path, rig)? {
                 errln!("hydroline: {words}");
             }
         }
     }
-    let (mut runs, mut whole): (Vec<Run>, Vec<Run>) = (Vec::new(), Vec::new());
-    for log in &args.logs {
-        let loaded = load(log, rig)?;
-        if let Some(first) = whole.iter().position(|r| loaded.same_recording(r)) {
+    let (mut runs, mut whole): (Vec<Run>, Vec<(Run, &Part)>) = (Vec::new(), Vec::new());
+    for log in logs {
+        let all = load(&log.path, rig)?;
+        let same = |(r, part): &&(Run, &Part)| all.same_recording(r) && overlap(log, part);
+        if let Some((_, first)) = whole.iter().find(same) {
             return Err(CliError::Config(format!(
-                "{} holds the same recording as {}: counted twice it would make the intervals too narrow; give each log once",
-                log.display(),
-                args.logs[first].display()
+                "{log} holds the same recording as {first}: counted twice it would make the intervals too narrow; give each log once"
             )));
         }
-        whole.push(loaded.clone());
+        whole.push((all, log));
+        let run = loaded(log, rig)?;
         runs.push(if args.from > 0.0 || args.to.is_some() {
-            loaded.window(args.from, args.to.unwrap_or(f64::INFINITY))
+            run.window(args.from, args.to.unwrap_or(f64::INFINITY))
         } else {
-            loaded
+            run
         });
     }
-    if let Some(path) = &args.still {
-        let still = load(path, rig)?;
-        if whole.iter().any(|r| still.same_recording(r)) {
+    if let Some(part) = &args.still {
+        let all = load(&part.path, rig)?;
+        let same = |(r, log): &(Run, &Part)| all.same_recording(r) && overlap(log, part);
+        if whole.iter().any(same) {
             return Err(CliError::Config(format!(
-                "--still {}: the same recording is among the logs; give it once",
-                path.display()
+                "--still {part}: the same recording is among the logs; give it once"
             )));
         }
+        let still = loaded(part, rig)?;
         if !is_still(
             &still,
             [rig.tolerance.position_m, rig.tolerance.attitude_rad],
         ) {
             return Err(CliError::Config(format!(
-                "--still {}: {:.1} s, largest load {:.2}; it measures noise only when nothing was commanded and nothing moved beyond the rig's tolerance for {STILL_MIN_S} s or more (plan still)",
-                path.display(),
+                "--still {part}: {:.1} s, largest load {:.2}; it measures noise only when nothing was commanded and nothing moved beyond the rig's tolerance for {STILL_MIN_S} s or more (plan still)",
                 still.end_s(),
                 still.largest_wrench().into_iter().fold(0.0, f64::max)
             )));
@@ -358,6 +350,7 @@ fn runs(args: &Args, rig: &Rig) -> Result<Vec<Run>, CliError> {
 /// Takes a measured thrust curve into the result: the thrust scale is identifiable then, its uncertainty comes in.
 fn thrust_scale(
     args: &Args,
+    logs: &[Part],
     rig: &Rig,
     runs: &[Run],
     result: &mut Identification,
@@ -387,7 +380,12 @@ fn thrust_scale(
                 c.put(&mut other.vehicle, p.value);
             }
         }
-        let again = refit(&self::runs(args, &other)?, &other, result, args.from_rest)?;
+        let again = refit(
+            &self::runs(args, logs, &other)?,
+            &other,
+            result,
+            args.from_rest,
+        )?;
         let value = |key: &String| again.values.get(key).copied().or_else(|| result.value(key));
         let of_all = result.order.iter().map(|k| value(k).unwrap_or(f64::NAN));
         values.push(of_all.collect());

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::output::Output;
 use super::print::{self, errln, outln};
-use super::{CliError, Outcome, call, inputs};
+use super::{CliError, Outcome, call, inputs, logs};
+use hydroline_diagnose::Part;
 use hydroline_identify::data::{check_vehicle, load};
 use hydroline_identify::predict::report::pages;
 use hydroline_identify::predict::residuals::{Measured, beside, plan_start_s, start_pose};
@@ -26,9 +27,9 @@ Examples:
 
 Exit codes: 0 done; 1 the motion runs away; 2 bad arguments, rig, plan, log or identification.")]
 pub struct Args {
-    /// Rig file or built-in name
-    #[arg(long, value_name = "RIG")]
-    rig: String,
+    /// Rig file or built-in name. Without it the rig that the log of --measured carries
+    #[arg(long, value_name = "RIG", required_unless_present = "measured")]
+    rig: Option<String>,
     /// Plan file or built-in name
     #[arg(long, value_name = "PLAN")]
     plan: String,
@@ -43,9 +44,9 @@ pub struct Args {
     #[arg(long, default_value = "0", value_parser = inputs::not_negative, value_name = "S")]
     tail: f64,
     /// A measured run of the plan: a log with /vehicle/motion (hydroline replay makes it from images), compared with
-    /// the prediction: rms residual of each DOF, and its motion in the report's figures
+    /// the prediction: rms residual of each DOF, and its motion in the report's figures. LOG@9..34 is a window of one
     #[arg(long, value_name = "LOG")]
-    measured: Option<PathBuf>,
+    measured: Option<Part>,
     /// Takes a log whose own rig is another vehicle (name, mass or thrusters)
     #[arg(long, requires = "measured")]
     other_rig: bool,
@@ -73,7 +74,8 @@ pub(super) struct Printed<'a> {
 }
 
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
-    let mut rig = inputs::rig(&args.rig)?;
+    let paths = args.measured.iter().map(|p| p.path.as_path());
+    let mut rig = logs::rig(args.rig.as_deref(), paths)?;
     let plan = inputs::plan(&args.plan, &rig)?;
     if args.rate == 0.0 || args.rate > 10_000.0 {
         return Err(CliError::Config(format!(
@@ -152,15 +154,19 @@ fn compared(
     rig: &mut Rig,
     plan: &Plan,
     identified: Option<&Identified>,
-    log: &Path,
+    part: &Part,
 ) -> Result<(Prediction, Measured), CliError> {
+    let log = part.path.as_path();
     inputs::readable_file(log, "name a log (.mcap) that can be read")?;
     if !args.other_rig {
         for words in check_vehicle(log, rig)? {
             errln!("hydroline: {words}");
         }
     }
-    let run = load(log, rig)?;
+    let mut run = load(log, rig)?;
+    if let Some((from_s, to_s)) = part.window_s {
+        run = run.window(from_s, to_s);
+    }
     // When the plan's first load comes does not depend on where the vehicle is.
     let first_load_s = made(args, rig, plan, None)?.first_load_s();
     let start_s = plan_start_s(&run, first_load_s);
@@ -176,6 +182,7 @@ fn compared(
     let made = made(args, rig, plan, identified)?;
     let mut measured = beside(&made, &run, start_s)?;
     measured.compare_loads(&made, &run);
+    measured.compare(rig, &run);
     Ok((made, measured))
 }
 
@@ -194,6 +201,9 @@ fn tell(measured: &Measured) {
             quantity.amount(row.largest),
             row.largest_at_s
         );
+    }
+    if !measured.test.sentence.is_empty() {
+        errln!("{}", measured.test.sentence);
     }
     for words in &measured.notes {
         errln!("WARNING {words}");

@@ -35,6 +35,7 @@ use found::Judged;
 use giving::Asking;
 use hydroline_core::run::{Channel, Run};
 use hydroline_identify::data::{is_still, memory_s, stretched};
+use hydroline_inference::at_rest::AtRest;
 use hydroline_inference::by_prediction::decide_by_prediction;
 use hydroline_inference::closed::closed;
 use hydroline_inference::fit::Problem;
@@ -81,7 +82,9 @@ pub fn diagnose(
     {
         runs = parts.into();
     }
-    runs.retain(|r| !is_still(r, still));
+    let (resting, moving): (Vec<Run>, Vec<Run>) =
+        runs.into_iter().partition(|r| is_still(r, still));
+    let mut runs = moving;
     runs.sort_by_key(|r| (r.start_ns, r.samples.len(), digest(r), r.name.clone()));
     let recording = Recording::new(&runs, rig.tank.start_pose[5]);
     let asked: Vec<usize> = (0..6)
@@ -116,6 +119,7 @@ pub fn diagnose(
     };
     let asking = Asking {
         runs: &runs,
+        at_rest: AtRest::of(&resting, &runs, rig, &recording).least(),
         rig,
         watch: search_watch,
     };
@@ -189,12 +193,11 @@ pub fn diagnose(
     made.account = account;
     made.probability = judged.groups.first().map_or(1.0, |g| g.1);
     verdict.noise = noise_found(&found.problem);
-    let withheld = joined::withhold(verdict, &runs);
+    joined::tell(verdict, &runs, &found.problem.body, judged.best);
     verdict.sentence = words::sentence(verdict, &judged.against());
     made.by_motion = verdict.verdict;
     if verdict.verdict != Word::DataFault {
         judged.adopt(&mut made.rig);
-        joined::take_out(&withheld, rig, &mut made.rig);
     }
     Ok(made)
 }
@@ -216,6 +219,9 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.place = judged.place();
     verdict.notes.extend(judged.events());
     verdict.test = judged.test();
+    let alone = judged.found.models.get(&Vec::new());
+    verdict.vehicle_alone =
+        alone.map_or_else(Default::default, |fit| judged.found.problem.model_test(fit));
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();

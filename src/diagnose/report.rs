@@ -43,6 +43,9 @@ pub fn pages(found: &Diagnosis, command: &str) -> Pages {
             truncated.after
         ));
     }
+    for words in v.vehicle_alone.misfit() {
+        b.paragraph(format!("The vehicle alone: {words}"));
+    }
     b.paragraph(Inline::new().code(command));
     let mut before_after_svg = String::new();
     if v.verdict == Word::DataFault {

@@ -20,6 +20,8 @@ pub use vehicle::{AtLimit, Parameters};
 
 use std::collections::BTreeMap;
 
+use hydroline_identify::model_test::ModelTest;
+
 use serde::Serialize;
 
 /// Probability from which an effect is established, and goes into a rig.
@@ -107,6 +109,8 @@ pub struct Verdict {
     pub place: Where,
     /// Test of whether there is a mismatch at all.
     pub test: Test,
+    /// Test of whether the vehicle alone explains the runs, to within the tolerance: the same as in `identify`.
+    pub vehicle_alone: ModelTest,
     /// How well the model fits and predicts, without and with the effects.
     pub fit: FitTable,
     /// The vehicle's coefficients, without and with the effects.

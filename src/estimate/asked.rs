@@ -83,7 +83,8 @@ impl Asked {
     ) -> Result<Body, EffectError> {
         let mut body = Body::plain(recording, rig, &self.moving)?;
         let is_free = |c: Coefficient| self.coefficients.contains(&c);
-        body.own.retain(|o| o.coefficient().is_some_and(is_free));
+        body.own
+            .retain(|o| o.coefficient().is_some_and(is_free) || o.is_clock());
         if options.from_rest {
             for starts in &mut body.starts {
                 starts.retain(|c| !c.is_rate());

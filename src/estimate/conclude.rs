@@ -10,6 +10,7 @@ use hydroline_identify::{
     Estimate, Identification, Logged, Profile, Residuals, RunSummary, SlotNoise, Trace,
 };
 use hydroline_inference::at_rest::AtRest;
+use hydroline_inference::body::Own;
 use hydroline_numerics::information::correlation;
 use hydroline_numerics::statistics::{LAGS, ljung_box, t95};
 use hydroline_report::significant;
@@ -76,6 +77,7 @@ impl Concluding<'_> {
             notes,
             traces: Vec::new(),
         };
+        self.describe_clocks(&numbers_covariance, &mut result);
         self.describe_coefficients(&block, &mut result);
         self.describe_noise(&short, &mut result);
         self.describe_runs(runs, &numbers_covariance, &mut result);
@@ -133,6 +135,25 @@ impl Concluding<'_> {
         (short, &known * more * &known)
     }
 
+    /// What the runs say of joined logs' clocks, which is in every interval.
+    fn describe_clocks(&self, whole: &DMatrix<f64>, result: &mut Identification) {
+        let body = &self.fitted.problem.body;
+        for (i, own) in body.own.iter().enumerate() {
+            let clock = match own {
+                Own::ClockOffset(clock) => clock,
+                _ => continue,
+            };
+            let of = body.recording.runs.iter().find(|r| r.clock == Some(*clock));
+            result.notes.push(format!(
+                "{}: commands act {:.4} s (sd {:.4}) later than the joined log says (its own sd {:.4}); the clock is one of the numbers of the fit, and in the intervals",
+                of.map_or("", |r| r.name.as_str()),
+                self.numbers.values[i],
+                whole[(i, i)].sqrt(),
+                own.unit()
+            ));
+        }
+    }
+
     /// The coefficients with their intervals, and what is to be said of each.
     fn describe_coefficients(&self, block: &DMatrix<f64>, result: &mut Identification) {
         let problem = &self.fitted.problem;
@@ -146,7 +167,12 @@ impl Concluding<'_> {
             let place = self.place(*c);
             let value = place.map_or(c.of_vehicle(&self.rig.vehicle), |p| self.numbers.values[p]);
             let sd = block[(i, i)].sqrt();
-            let by_runs = place.map_or(f64::INFINITY, |p| self.numbers.beside_held[(p, p)].sqrt());
+            // Without priors, what is held is as uncertain as the rig says, and with it what hangs on it.
+            let of_runs = match problem.body.prior.is_flat() {
+                true => &self.numbers.covariance,
+                false => &self.numbers.beside_held,
+            };
+            let by_runs = place.map_or(f64::INFINITY, |p| of_runs[(p, p)].sqrt());
             let held = self.fitted.held.contains(c);
             let size = value.abs().max(c.size(self.rig));
             let excited = !held && by_runs.is_finite() && by_runs < UNEXCITED * size;
@@ -282,7 +308,7 @@ impl Concluding<'_> {
             at_rest += count * over_rest.unwrap_or(1.0).powi(2);
             samples += count;
             let logged_sd = (!c.is_rate()).then(|| problem.body.recording.logged_sd[c.index()]);
-            let logged = logged_sd.filter(|sd| sd.is_finite()).map(|median_sd| {
+            let logged = logged_sd.filter(|sd| sd.is_finite()).map(|reference_sd| {
                 let said = problem
                     .body
                     .recording
@@ -294,12 +320,12 @@ impl Concluding<'_> {
                     (l.min(sd), g.max(sd))
                 });
                 Logged {
-                    median_sd,
+                    reference_sd,
                     least_sd,
                     greatest_sd,
                     scale: match short[c.dof().index()] > 1.0 {
                         true => short[c.dof().index()].recip(),
-                        false => noise.total_sd() / median_sd,
+                        false => noise.total_sd() / reference_sd,
                     },
                 }
             });

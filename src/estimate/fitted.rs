@@ -43,7 +43,7 @@ pub(crate) fn fitted(
     (rig, dof): (&Rig, &str),
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Fitted, EstimateError> {
-    if body.own.is_empty() {
+    if body.own.iter().all(|o| o.coefficient().is_none()) {
         return Err(EstimateError::NothingFree(dof.to_owned()));
     }
     progress("noise");

@@ -3,7 +3,7 @@
 use hydroline_core::run::Run;
 use hydroline_identify::Identification;
 use hydroline_identify::blind::blind_spots;
-use hydroline_identify::data::{is_still, stretched};
+use hydroline_identify::data::{before_the_first_load, is_still, stretched};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_inference::at_rest::AtRest;
 use hydroline_inference::recording::Recording;
@@ -39,6 +39,8 @@ pub fn identify(
     }
     let recording = Recording::new(&moving, rig.tank.start_pose[5]);
     let at_rest = AtRest::of(&still, &moving, rig, &recording);
+    let moving = without_openings(moving, tolerance);
+    let recording = Recording::new(&moving, rig.tank.start_pose[5]);
     let asked = Asked::of(&moving, rig, &recording, options);
     let body = asked.body(recording, rig, options)?;
     let fitted = fitted(body, at_rest.least(), (rig, &asked.name), options.progress)?;
@@ -81,6 +83,20 @@ pub fn identify(
     );
     result.held_effects = rig.physics.iter().map(|p| p.effect.clone()).collect();
     Ok(result)
+}
+
+/// Time before a run's first load that is left of a long rest there \[s\].
+const LEAD_S: f64 = 2.0;
+
+/// Runs without what measured the noise before their first load, but for its end: it would be counted twice, and hide louder noise
+/// in motion.
+fn without_openings(moving: Vec<Run>, tolerance: [f64; 2]) -> Vec<Run> {
+    let each = moving.into_iter();
+    each.map(|r| match before_the_first_load(&r, tolerance) {
+        Some((_, load_s)) => r.window(load_s - LEAD_S, f64::INFINITY),
+        None => r,
+    })
+    .collect()
 }
 
 /// Whether weight or water bring a DOF back.

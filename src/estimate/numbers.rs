@@ -72,8 +72,12 @@ impl Numbers {
                 data[(i, i)] += densities[i].step(fit.point[i]).1;
             }
         }
+        // What a joining says of a clock was measured, as the motion was.
+        for (i, o) in body.own.iter().enumerate().filter(|(_, o)| o.is_clock()) {
+            data[(i, i)] += o.unit().powi(-2);
+        }
         let mut whole = data.clone();
-        for (i, o) in body.own.iter().enumerate() {
+        for (i, o) in body.own.iter().enumerate().filter(|(_, o)| !o.is_clock()) {
             whole[(i, i)] += prior_information(o, fit.point[i], fitted, rig);
         }
         let mut beside = data;

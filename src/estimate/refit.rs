@@ -76,8 +76,9 @@ pub fn refit(
         None => recording.moving(&rig.tolerance.channels()),
     };
     let mut body = Body::plain(recording, rig, &dofs)?;
+    let is_free = |c: Coefficient| free.contains(&c);
     body.own
-        .retain(|o| o.coefficient().is_some_and(|c| free.contains(&c)));
+        .retain(|o| o.coefficient().is_some_and(is_free) || o.is_clock());
     body.prior = PriorTable::default().flat();
     if from_rest {
         for starts in &mut body.starts {
@@ -103,8 +104,9 @@ pub fn refit(
     let numbers = Numbers::of(&fitted, rig).ok_or_else(diverged)?;
     let predicted = fitted.problem.predicted(&[], &fitted.fit.point);
     let left = fitted.problem.left_by_run(&predicted);
-    let own = &fitted.problem.body.own;
-    let order: Vec<String> = own.iter().map(|o| o.name().to_owned()).collect();
+    // Clocks stand behind the coefficients.
+    let own = fitted.problem.body.own.iter().filter(|o| !o.is_clock());
+    let order: Vec<String> = own.map(|o| o.name().to_owned()).collect();
     let n = order.len();
     Ok(Refitted {
         values: order.iter().cloned().zip(numbers.values).collect(),

@@ -183,3 +183,36 @@ fn flat_priors_change_what_the_runs_do_not_decide_and_nothing_else() {
         .collect();
     assert!(held.iter().any(|n| n.starts_with("x_udot")), "{held:?}");
 }
+
+/// Every other sample has ten times the sd of the rest, which the log says: the others say nearly all.
+#[test]
+fn samples_count_by_the_sd_that_their_log_says() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut run = reversals(&rig, 0.0);
+    let unit = Normal::new(0.0, 1.5e-3).unwrap();
+    let mut rng = StdRng::seed_from_u64(9);
+    for (k, sample) in run.samples.iter_mut().enumerate() {
+        let sd = if k % 2 == 0 { 1.5e-3 } else { 1.5e-4 };
+        if k % 2 == 0 {
+            sample.values[Channel::X] += unit.sample(&mut rng);
+        }
+        let mut covariance = Box::new([0.0; 36]);
+        for c in 0..6 {
+            covariance[7 * c] = sd * sd;
+        }
+        sample.covariance = Some(covariance);
+    }
+    let weighed = identify(std::slice::from_ref(&run), &rig, &QUICK).unwrap();
+    let mut good = run.clone();
+    let mut k = 0;
+    good.samples.retain(|_| {
+        k += 1;
+        k % 2 == 0
+    });
+    let alone = identify(&[good], &rig, &QUICK).unwrap();
+    for (key, p) in &weighed.parameters {
+        let ratio = p.sd.unwrap() / alone.parameters[key].sd.unwrap();
+        println!("{key} {ratio} {:?} {:?}", weighed.noise, alone.noise);
+        assert!((0.7..1.3).contains(&ratio), "{key}: {ratio}");
+    }
+}

@@ -127,13 +127,12 @@ pub fn amount(channel: &str, value: f64) -> String {
     }
 }
 
-/// DOFs that were explained, and those that nothing ever drove: " in surge; sway and yaw were never driven".
-pub fn scope(explained: &[&str], driven: &[bool; 6]) -> String {
-    let inside = match explained {
+/// DOFs that were explained: " in surge and yaw".
+fn inside(explained: &[&str]) -> String {
+    match explained {
         [] => String::new(),
         some => format!(" in {}", listed(some)),
-    };
-    inside + &undriven(explained, driven)
+    }
 }
 
 /// Of these DOFs what nothing ever drove: "; sway and yaw were never driven".
@@ -182,8 +181,8 @@ impl ModelTest {
         let never = undriven(explained, &driven);
         let sentence = match (&late, wrong.as_slice()) {
             (_, []) => format!(
-                "Nothing that matters was left out{}.",
-                scope(explained, &driven)
+                "Nothing that matters was left out{}{never}.",
+                inside(explained)
             ),
             (Some(l), _) => format!(
                 "Commands that act {:.0} ms after their stamps, a row of these logs ({:.0} ms) or less, would leave what is left ({:.0} ms x {} = {}): see which row a command belongs to{never}.",
@@ -229,12 +228,22 @@ impl ModelTest {
         }
     }
 
-    /// Sentences that say that the model does not explain the runs; empty where it does.
+    /// Sentences that say that the model does not explain the runs; empty where it does, and where nothing was asked.
     pub fn misfit(&self) -> Vec<String> {
-        if self.explains {
+        if self.explains || self.sentence.is_empty() {
             return Vec::new();
         }
         vec![self.sentence.clone()]
+    }
+
+    /// DOFs that were explained and those that nothing ever drove, in words: " in surge", "; sway and yaw were never driven"; empty where nothing was asked.
+    pub fn scope(&self) -> [String; 2] {
+        if self.sentence.is_empty() {
+            return [String::new(), String::new()];
+        }
+        let explained: Vec<&str> = self.explained.iter().map(String::as_str).collect();
+        let driven = Dof::ALL.map(|d| self.driven.iter().any(|n| n == d.name()));
+        [inside(&explained), undriven(&explained, &driven)]
     }
 }
 

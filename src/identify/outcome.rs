@@ -66,8 +66,8 @@ pub struct SlotNoise {
 /// sd of a channel's samples as the logs say it, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct Logged {
-    /// Median; the noise beside it is that of a sample with this sd.
-    pub median_sd: f64,
+    /// Of a sample that says as much as the mean one; the noise beside it is that of such a sample.
+    pub reference_sd: f64,
     /// Of the best sample.
     pub least_sd: f64,
     /// Of the worst one.

@@ -10,6 +10,7 @@ use hydroline_sim::Given;
 use hydroline_sim::effect::CheckedEffect;
 use hydroline_sim::single::Line;
 
+use super::clock::Clock;
 use super::filter::Response;
 use super::prior::{Density, PriorTable, Scale};
 use super::recording::{Recorded, Recording};
@@ -32,6 +33,10 @@ pub enum Own {
     Stiffness(usize, f64),
     /// Weight minus buoyancy, by its ratio to the rig's.
     NetWeight(f64),
+    /// Seconds by which commands act later than a joined log says, in sds of its offset.
+    ClockOffset(Clock),
+    /// Drift of a joined log's clocks beyond what it says, in sds of that.
+    ClockDrift(Clock),
 }
 
 /// Names in files of [`Vehicle::stiffness`].
@@ -49,6 +54,8 @@ impl Own {
             Own::Restoring(_) => "restoring_nm",
             Own::Stiffness(place, _) => STIFFNESSES[*place],
             Own::NetWeight(_) => "net_weight_n",
+            Own::ClockOffset(_) => "clock_offset_s",
+            Own::ClockDrift(_) => "clock_drift",
         }
     }
 
@@ -56,13 +63,22 @@ impl Own {
     pub fn coefficient(&self) -> Option<Coefficient> {
         match self {
             Own::Coefficient(c, _) | Own::Unsaid(c, _) => Some(*c),
-            Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => None,
+            Own::Restoring(_)
+            | Own::Stiffness(..)
+            | Own::NetWeight(_)
+            | Own::ClockOffset(_)
+            | Own::ClockDrift(_) => None,
         }
     }
 
     /// Whether the rig knows the number.
     pub fn is_said(&self) -> bool {
-        !matches!(self, Own::Unsaid(..))
+        !matches!(self, Own::Unsaid(..)) && !self.is_clock()
+    }
+
+    /// Whether it is one of a joined log's clock, which belongs to the log and not to the vehicle.
+    pub fn is_clock(&self) -> bool {
+        matches!(self, Own::ClockOffset(_) | Own::ClockDrift(_))
     }
 
     /// Number that a scaled one is a ratio to: the rig's, or what stands for it where the rig says 0.
@@ -73,6 +89,8 @@ impl Own {
             | Own::Restoring(unit)
             | Own::Stiffness(_, unit)
             | Own::NetWeight(unit) => *unit,
+            Own::ClockOffset(clock) => clock.offset_sd_s,
+            Own::ClockDrift(clock) => 1e-6 * clock.drift_sd_ppm,
         }
     }
 
@@ -81,7 +99,9 @@ impl Own {
         let unit = self.unit();
         match self {
             // The sum leaves no -0 in a rig.
-            Own::Unsaid(..) => (0.0 + unit * scaled, unit),
+            Own::Unsaid(..) | Own::ClockOffset(_) | Own::ClockDrift(_) => {
+                (0.0 + unit * scaled, unit)
+            }
             _ => (unit * scaled.exp(), unit * scaled.exp()),
         }
     }
@@ -91,6 +111,7 @@ impl Own {
         let ratio = natural / self.unit();
         match self {
             Own::Unsaid(..) => Some(ratio).filter(|r| *r >= 0.0),
+            Own::ClockOffset(_) | Own::ClockDrift(_) => Some(ratio),
             _ => Some(ratio.ln()).filter(|_| ratio > 0.0),
         }
     }
@@ -99,12 +120,16 @@ impl Own {
     pub fn prior_scale(&self, prior: &PriorTable) -> f64 {
         match self {
             Own::Unsaid(..) => prior.unsaid,
+            Own::ClockOffset(_) | Own::ClockDrift(_) => 1.0,
             _ => prior.coefficient_ln,
         }
     }
 
     /// Prior density of the scaled number. That of a coefficient of which the rig says 0 is largest there.
     fn density(&self, prior: &PriorTable) -> Density {
+        if self.is_clock() {
+            return Density::normal(0.0, 1.0);
+        }
         Density::Student {
             centre: 0.0,
             scale: self.prior_scale(prior),
@@ -117,6 +142,7 @@ impl Own {
         match self {
             // Beyond 0 it would drive the vehicle, or take mass from it.
             Own::Unsaid(..) => (0.0, REACH),
+            Own::ClockOffset(_) | Own::ClockDrift(_) => (f64::NEG_INFINITY, f64::INFINITY),
             // A coefficient a hundred times the rig's or a hundredth of it is none that this rig's model can be asked for.
             _ => (-REACH.ln(), REACH.ln()),
         }

@@ -22,6 +22,7 @@
 pub mod at_rest;
 pub mod body;
 pub mod by_prediction;
+pub mod clock;
 pub mod closed;
 pub mod coarse;
 mod equations;

@@ -25,10 +25,14 @@ impl Problem {
     /// The test of whether a model explains the runs: of `identify` and `diagnose` alike that of the vehicle alone.
     pub fn model_test(&self, fit: &Fit) -> ModelTest {
         let left = self.left_over(fit);
-        let explained: Vec<&str> = self.body.dofs.iter().map(|d| Dof::ALL[*d].name()).collect();
         let commands = self.body.recording.runs.iter().flat_map(|r| &r.commands);
+        let driven = driven(commands.map(|c| c.1));
+        let none = self.body.dofs.iter().all(|d| !driven[*d]);
+        // What moves only because another DOF is driven, or has traces of its load, is explained along with it.
+        let asked = self.body.dofs.iter().filter(|d| none || driven[**d]);
+        let explained: Vec<&str> = asked.map(|d| Dof::ALL[*d].name()).collect();
         let late = self.late(fit, &left);
-        ModelTest::of(&left, &explained, driven(commands.map(|c| c.1)), late)
+        ModelTest::of(&left, &explained, driven, late)
     }
 
     /// Residual of every channel that is measured in a DOF that is explained.
@@ -60,7 +64,7 @@ impl Problem {
                 all.push(LeftOver {
                     channel,
                     rms: rms[channel],
-                    noise: noise.total_sd(),
+                    noise: (noise.white_sd * self.usual_ratio(channel)).hypot(noise.coloured_sd),
                     tolerance: self.body.tolerance[channel],
                     // Size and colour, two tests.
                     p_value: (2.0 * level.min(least)).min(1.0),
@@ -69,6 +73,18 @@ impl Problem {
             }
         }
         all
+    }
+
+    /// rms over the samples that count of their white sd over the instrument's.
+    fn usual_ratio(&self, channel: Channel) -> f64 {
+        let runs = self.body.recording.runs.iter().zip(&self.noises.used);
+        let ratios = runs.flat_map(|(r, used)| {
+            let each = used.iter().enumerate();
+            each.map(move |(k, u)| r.sd_ratio_of(k, channel, u[channel]))
+        });
+        let counting = ratios.filter(|ratio| *ratio > 0.0);
+        let (sum, count) = counting.fold((0.0, 0.0), |(s, n), ratio| (s + ratio * ratio, n + 1.0));
+        (sum / f64::max(count, 1.0)).sqrt()
     }
 
     /// Lateness of the commands by a row of the log or less that would leave what is left; `None` = there is none.
@@ -144,7 +160,7 @@ impl Problem {
             for k in 0..used.len() {
                 let measured = r.measured(k);
                 for c in Channel::ALL.into_iter().filter(|c| used[k][*c]) {
-                    let weight = self.body.tolerance[c].powi(-2);
+                    let weight = (self.body.tolerance[c] * r.sd_ratio_of(k, c, true)).powi(-2);
                     let residual = measured[c] - s.values[k][c];
                     let by_lateness = (moved[k][c] - s.values[k][c]) / step_s;
                     let own = s.columns.iter().map(|(i, column)| (*i, column[k][c]));

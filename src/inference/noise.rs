@@ -15,7 +15,6 @@ use super::body::Body;
 use super::filter::{Filter, Force, Instruments};
 use super::hyper::Noises;
 use super::prior::Density;
-use super::recording::Recorded;
 
 /// An innovation of more than this many sd is an outlier: 6e-7 of normal ones are.
 const OUTLIER_SD: f64 = 5.0;
@@ -159,7 +158,7 @@ struct Observed<'a> {
     pairs: &'a Pairs,
     /// sd of the fast part of position and rate.
     fast: [Option<f64>; 2],
-    /// Median of the sds that the log gives for the position.
+    /// sd that the log gives for the position, of a sample that says as much as the mean one.
     logged: Option<f64>,
     /// Logarithms of the least noise of position and rate that any import states; minus infinity where none does.
     stated_ln: [f64; 2],
@@ -167,15 +166,12 @@ struct Observed<'a> {
 
 impl<'a> Observed<'a> {
     fn new(body: &'a Body, dof: usize, pairs: &'a Pairs) -> Self {
-        let runs = body.recording.runs.iter();
-        let of = |r: &'a Recorded| r.logged_sd.iter().map(move |s| s[dof]);
-        let mut logged: Vec<f64> = runs.flat_map(of).filter(|v| v.is_finite()).collect();
         Observed {
             body,
             dof,
             pairs,
             fast: [fast_sd(pairs, 0), fast_sd(pairs, 1)],
-            logged: hydroline_numerics::statistics::median(&mut logged),
+            logged: Some(body.recording.logged_sd[dof]).filter(|sd| sd.is_finite()),
             stated_ln: Channel::of(dof).map(|c| {
                 let runs = body.recording.runs.iter().map(|r| r.stated_sd[c]);
                 let least = runs.filter(|sd| *sd > 0.0).reduce(f64::min);

@@ -9,6 +9,7 @@ use hydroline_core::run::Channel::{Psi, X, Y};
 use hydroline_core::run::{COMPANIONS, Channel, Companions, PerChannel, Run, Sample, start_s};
 use hydroline_numerics::statistics::{median, robust_sd};
 
+use super::clock::Clock;
 use super::smooth::fast_sd;
 
 /// Commands that come faster than this on average are averaged over it \[s\]: the impulse stays, and a vehicle with time
@@ -120,7 +121,7 @@ pub struct Recorded {
     pub values: Vec<PerChannel<f64>>,
     /// Standard deviation of each pose channel as logged, of x and y along the body's axes; NaN = unknown.
     pub logged_sd: Vec<[f64; 6]>,
-    /// The same over the recording's median, within [`SD_RATIO_MOST`]: a sample's white noise over the instrument's.
+    /// The same over the recording's, within [`SD_RATIO_MOST`]: a sample's white noise over the instrument's.
     pub sd_ratio: Vec<[f64; 6]>,
     /// Least noise of each channel as the import states it, along the body's axes the smaller of x and y; 0 = not stated.
     pub stated_sd: PerChannel<f64>,
@@ -130,6 +131,8 @@ pub struct Recorded {
     pub heading: Vec<(f64, f64)>,
     /// Companions, measured beside the motion.
     pub companions: Companions,
+    /// Clock of the commands, where it is another than the motion's and is not known exactly.
+    pub clock: Option<Clock>,
 }
 
 /// All runs.
@@ -139,11 +142,11 @@ pub struct Recording {
     pub runs: Vec<Recorded>,
     /// Channels that any run measured.
     pub channels: PerChannel<bool>,
-    /// Median of each pose channel's sd as logged: that of the sample whose noise is the instrument's; NaN = unknown.
+    /// Each pose channel's sd as logged, of a sample that says as much as the mean one: its noise is the instrument's; NaN = unknown.
     pub logged_sd: [f64; 6],
 }
 
-/// A logged sd this many times the recording's median, or its inverse, counts as that far: one sample that claims to be perfect must
+/// A logged sd this many times the recording's, or its inverse, counts as that far: one sample that claims to be perfect must
 /// not carry a run.
 const SD_RATIO_MOST: f64 = 20.0;
 
@@ -164,7 +167,9 @@ impl Recording {
             };
             let mut all: Vec<f64> = runs.iter().flat_map(of).collect();
             all.retain(|sd| sd.is_finite());
-            median(&mut all).unwrap_or(f64::NAN)
+            let least = median(&mut all).unwrap_or(f64::NAN) / SD_RATIO_MOST;
+            let information: f64 = all.iter().map(|sd| sd.max(least).powi(-2)).sum();
+            (all.len() as f64 / information).sqrt()
         };
         let mut made = Recording {
             logged_sd: std::array::from_fn(logged),
@@ -351,6 +356,7 @@ impl Recorded {
             commands: averaged(commands),
             heading,
             companions: run.companions.clone(),
+            clock: Clock::of(run),
         }
     }
 

@@ -202,7 +202,11 @@ impl Search<'_> {
                     // Where the rig says 0 there is no factor: none, or as much as is usual.
                     Own::Unsaid(c, _) if c.term == Term::Added => f64::from(inertia > 1.0),
                     Own::Unsaid(..) => f64::from(damping > 1.0),
-                    Own::Restoring(_) | Own::Stiffness(..) | Own::NetWeight(_) => 0.0,
+                    Own::Restoring(_)
+                    | Own::Stiffness(..)
+                    | Own::NetWeight(_)
+                    | Own::ClockOffset(_)
+                    | Own::ClockDrift(_) => 0.0,
                 };
             }
             jobs.push((Vec::new(), from, Cells::of([cell(BEGIN[1]); 6])));

@@ -107,7 +107,7 @@ impl Problem {
     }
 
     /// Motion of a model with the best change of all its numbers, to first order and by least squares, all channels in
-    /// units of what matters. A fit beside a random force lets the vehicle drift, for the force forgives it; what the
+    /// units of what matters, samples by the sd that their log says. A fit beside a random force lets the vehicle drift, for the force forgives it; what the
     /// instruments add is to be seen beside the motion that comes closest.
     pub fn closest(&self, terms: &[usize], point: &[f64]) -> Option<Vec<Vec<PerChannel<f64>>>> {
         let all = self.simulate(terms, point)?;
@@ -119,19 +119,22 @@ impl Problem {
             let used = &self.noises.used[run];
             let residual = |k: usize, c: Channel| r.measured(k)[c] - s.values[k][c];
             for c in Channel::ALL {
-                let weight = self.body.tolerance[c].powi(-2);
-                let counting: Vec<usize> = (0..used.len()).filter(|k| used[*k][c]).collect();
+                let tolerance = self.body.tolerance[c];
+                let counting: Vec<(usize, f64)> = (0..used.len())
+                    .filter(|k| used[*k][c])
+                    .map(|k| (k, (tolerance * r.sd_ratio_of(k, c, true)).powi(-2)))
+                    .collect();
                 let moving: Vec<&(usize, Vec<PerChannel<f64>>)> = s
                     .columns
                     .iter()
                     .filter(|(_, v)| v.iter().any(|v| v[c] != 0.0))
                     .collect();
                 for (i, a) in &moving {
-                    let by = counting.iter().map(|k| a[*k][c] * residual(*k, c));
-                    right[*i] += weight * by.sum::<f64>();
+                    let by = counting.iter();
+                    right[*i] += by.map(|(k, w)| w * a[*k][c] * residual(*k, c)).sum::<f64>();
                     for (j, b) in moving.iter().filter(|m| m.0 >= *i) {
-                        let by = counting.iter().map(|k| a[*k][c] * b[*k][c]);
-                        square[(*j, *i)] += weight * by.sum::<f64>();
+                        let by = counting.iter();
+                        square[(*j, *i)] += by.map(|(k, w)| w * a[*k][c] * b[*k][c]).sum::<f64>();
                     }
                 }
             }

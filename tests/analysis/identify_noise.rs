@@ -48,8 +48,10 @@ fn a_rig_that_keeps_some_of_its_values_predicts_what_the_whole_fit_does() {
     let mut tried = 0;
     for seed in 1..=8 {
         let run = simulated(&truth, "weak", &commands, 12.0, WHITE, seed);
+        // The rig is off by a factor of two, and no prior.
         let options = Options {
             from_rest: true,
+            flat_priors: true,
             ..quick()
         };
         let found = identify(&[run], &rig, &options).unwrap();
@@ -223,7 +225,8 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
     assert!(louder.notes.iter().any(said), "{:?}", louder.notes);
     for (key, p) in &louder.parameters {
         let grown = p.sd.unwrap() / quiet.parameters[key].sd.unwrap();
-        assert!((grown / 2f64.sqrt() - 1.0).abs() < 0.1, "{key}: {grown}");
+        // Its colour, by which low frequencies are weighed, is estimated anew.
+        assert!((1.2..1.8).contains(&grown), "{key}: {grown}");
     }
 }
 
@@ -243,7 +246,7 @@ fn a_run_at_rest_without_covariances_measures_the_noise_of_runs_that_have_them()
 {:?}",
         found.noise
     );
-    assert_eq!(found.noise["x_m"].source, "measured at rest");
+    assert!(found.noise["x_m"].over_rest.is_some());
     assert!(notes.contains("still: at rest for 30 s, used"), "{notes}");
     // A run at rest that measured nothing of the equations is not reported as used.
     for sample in &mut runs[2].samples {

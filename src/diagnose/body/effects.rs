@@ -389,6 +389,8 @@ impl Judged<'_> {
                 }
                 Own::Stiffness(place, _) => rig.vehicle.stiffness[*place] = *value,
                 Own::NetWeight(_) => rig.vehicle.net_weight_n = *value,
+                // A log's, not the rig's.
+                Own::ClockOffset(_) | Own::ClockDrift(_) => {}
             }
         }
         // Marginal over the effects' numbers: what is not known of the effects is in it.

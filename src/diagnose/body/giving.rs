@@ -4,12 +4,14 @@
 //! couples to it looks no better at first: each one given up is asked once more beside the others, and explained where the
 //! vehicle alone follows it then.
 
-use hydroline_core::run::Run;
+use hydroline_core::run::{PerChannel, Run};
+use hydroline_inference::body::Body;
 use hydroline_inference::fit::Problem;
 use hydroline_inference::limit::Watch;
 use hydroline_inference::prior::PriorTable;
 use hydroline_inference::recording::Recording;
 use hydroline_inference::search::{Found, Options, search};
+use hydroline_numerics::noise::Noise;
 use hydroline_rigs::{Dof, Rig};
 
 use crate::conclude::DiagnoseError;
@@ -17,6 +19,8 @@ use crate::conclude::DiagnoseError;
 /// Runs, rig, progress and limit that every search is given.
 pub struct Asking<'a> {
     pub runs: &'a [Run],
+    /// Noise of each channel at rest: the least that it has in motion.
+    pub at_rest: PerChannel<Option<Noise>>,
     pub rig: &'a Rig,
     pub watch: Watch<'a>,
 }
@@ -30,7 +34,9 @@ impl Asking<'_> {
     ) -> Result<Found, DiagnoseError> {
         self.watch.tell("noise");
         let prior = PriorTable::default();
-        let problem = Problem::beside(self.runs, self.rig, dofs, given, prior)?;
+        let recording = Recording::new(self.runs, self.rig.tank.start_pose[5]);
+        let body = Body::new(recording, self.rig, dofs, given, prior)?;
+        let problem = Problem::of(body, self.at_rest);
         let first = dofs.first().map_or("surge", |d| Dof::ALL[*d].name());
         search(problem, options, self.watch).ok_or(DiagnoseError::NoFit { dof: first })
     }

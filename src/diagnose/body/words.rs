@@ -7,18 +7,7 @@ const MOVED: f64 = 0.05;
 /// Runs held out that a sentence names of those that contradict it: the notes have all.
 const CONTRADICTING: usize = 2;
 
-/// A weight in the unit that people use.
-pub fn amount(channel: &str, weight: f64) -> String {
-    if channel.ends_with("_rad") {
-        format!("{:.2} deg", weight.to_degrees())
-    } else if channel.ends_with("_radps") {
-        format!("{:.2} deg/s", weight.to_degrees())
-    } else if channel.ends_with("_mps") {
-        format!("{:.2} mm/s", weight * 1e3)
-    } else {
-        format!("{:.2} mm", weight * 1e3)
-    }
-}
+pub use hydroline_identify::model_test::amount;
 
 fn say(e: &Effect) -> String {
     let mut weight: Vec<(&String, &f64)> = e.weight.iter().collect();
@@ -113,7 +102,16 @@ fn contradicted(v: &Verdict) -> String {
 /// The verdict in a sentence, and one for each run held out that contradicts it; `against` = what speaks against the likeliest
 /// model as a whole.
 pub fn sentence(v: &Verdict, against: &[String]) -> String {
-    say_found(v, against) + &contradicted(v)
+    say_found(v, against) + &late(v) + &contradicted(v)
+}
+
+/// Commands that act a row of the logs later or less, where that would leave what the vehicle alone leaves.
+fn late(v: &Verdict) -> String {
+    let late = v.vehicle_alone.late.is_some() && v.verdict != Word::None;
+    match late {
+        true => format!(" {}", v.vehicle_alone.sentence),
+        false => String::new(),
+    }
 }
 
 fn say_found(v: &Verdict, against: &[String]) -> String {
@@ -132,7 +130,10 @@ fn say_found(v: &Verdict, against: &[String]) -> String {
     }
     also += &factors(v);
     match v.verdict {
-        Word::None => format!("Nothing that matters was left out{also}."),
+        Word::None => {
+            let [inside, never] = v.vehicle_alone.scope();
+            format!("Nothing that matters was left out{inside}{also}{never}.")
+        }
         Word::Named => format!("Left out: {}{also}.", heavy.join(" and ")),
         Word::Ambiguous => {
             let sets: Vec<String> = v

@@ -36,6 +36,9 @@ pub fn pages(
     );
     let b = &mut page.body;
     b.lead(sentence(made, measured, &shown));
+    if let Some(m) = measured.filter(|m| !m.test.sentence.is_empty()) {
+        b.paragraph(&m.test.sentence);
+    }
     b.paragraph(Inline::new().code(command));
     if made.sd.is_empty() {
         b.warning("No band: the rig's coefficients carry no uncertainty.");

@@ -1,8 +1,10 @@
 //! A measured run beside its prediction: the log's time laid on the plan's, residuals and their rms.
 
 use super::Prediction;
+use crate::model_test::{LeftOver, ModelTest, driven};
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
-use hydroline_numerics::statistics::median;
+use hydroline_numerics::statistics::{chi2_above, median};
+use hydroline_rigs::{Dof, Rig};
 use serde::Serialize;
 
 /// Loads that differ by more than this share of the plan's largest are other loads: set-points are rounded to
@@ -45,6 +47,9 @@ pub struct Measured {
     /// sd of the residual: of the prediction, and of the sample as the log says it; NaN = neither is known \[SI\].
     #[serde(skip)]
     pub sd: Vec<PerChannel<f64>>,
+    /// Test of whether the prediction explains the run, the same as in `identify` and `diagnose`, of the channels in which noise or
+    /// band are known.
+    pub test: ModelTest,
     /// Remarks on the comparison (loads that are not the plan's), one sentence each.
     pub notes: Vec<String>,
 }
@@ -238,6 +243,48 @@ impl Measured {
                 ));
             }
         }
+    }
+}
+
+impl Measured {
+    /// Tests whether the prediction explains the run to within the rig's tolerance.
+    ///
+    /// Errors of a prediction hang together over the whole run. As if they all were one, their mean square in units of its sd is
+    /// chi-square with one degree of freedom, whose tail is the longest that it can have.
+    pub fn compare(&mut self, rig: &Rig, run: &Run) {
+        let tolerance = rig.tolerance.channels();
+        let mut left = Vec::new();
+        for c in Channel::ALL {
+            let pairs = self.residual.iter().zip(&self.sd);
+            let known: Vec<(f64, f64)> = pairs
+                .map(|(r, sd)| (r[c], sd[c]))
+                .filter(|(r, sd)| r.is_finite() && *sd > 0.0)
+                .collect();
+            if known.is_empty() {
+                continue;
+            }
+            let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
+                known.iter().map(of).sum::<f64>() / known.len() as f64
+            };
+            left.push(LeftOver {
+                channel: c,
+                rms: mean(&|(r, _)| r * r).sqrt(),
+                noise: mean(&|(_, sd)| sd * sd).sqrt(),
+                tolerance: tolerance[c],
+                p_value: chi2_above(mean(&|(r, sd)| (r / sd).powi(2)), 1.0),
+                lacks_force: false,
+            });
+        }
+        if left.is_empty() {
+            return;
+        }
+        let driven = driven(std::iter::once(run.largest_wrench()));
+        let explained: Vec<&str> = Dof::ALL
+            .iter()
+            .filter(|d| driven[d.index()] && left.iter().any(|l| l.channel.dof() == **d))
+            .map(|d| d.name())
+            .collect();
+        self.test = ModelTest::of(&left, &explained, driven, None);
     }
 }
 

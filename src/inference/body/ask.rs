@@ -11,6 +11,7 @@ use hydroline_sim::vehicle::Hydrodynamics;
 use hydroline_sim::vehicle::equations::coriolis;
 
 use super::{Body, Own};
+use crate::clock::Clock;
 use crate::filter::Response;
 use crate::given::given;
 use crate::prior::PriorTable;
@@ -361,6 +362,15 @@ impl Body {
             _ => {
                 let which = (dofs, given_dofs, &driving[..]);
                 own.extend(added_of_given(rig, &h, which, &base, &candidates));
+            }
+        }
+        if !matches!(asked, Asked::As(_)) {
+            let mut known: Vec<Clock> = Vec::new();
+            for clock in recording.runs.iter().filter_map(|r| r.clock) {
+                if !known.contains(&clock) {
+                    known.push(clock);
+                    own.extend(clock.numbers());
+                }
             }
         }
         Ok(Body {

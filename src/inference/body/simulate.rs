@@ -12,6 +12,7 @@ use hydroline_sim::whole::{Course, run};
 use hydroline_sim::{Dual, EffectStack, Real};
 
 use super::{Body, Own, Simulated, WIDTHS};
+use crate::clock::by_step;
 use crate::term::Kind;
 
 /// Channels per sample, and derivatives of each number of a pass.
@@ -37,6 +38,7 @@ impl Body {
                         statics.stiffness[*place] = *value;
                     }
                 }
+                Own::ClockOffset(_) | Own::ClockDrift(_) => {}
                 Own::NetWeight(_) => {
                     if let Some(statics) = &mut h.hydrostatics {
                         statics.net_weight_n = *value;
@@ -94,8 +96,8 @@ impl Body {
         &self,
         index: usize,
         terms: &[usize],
-        natural: &[T],
-        starts: &[T],
+        (natural, starts): (&[T], &[T]),
+        commands: &[(f64, [f64; 6])],
     ) -> Vec<PerChannel<T>> {
         cancel::check();
         let r = &self.recording.runs[index];
@@ -109,7 +111,7 @@ impl Body {
                 place.map_or(T::from_f64(self.rest[index][c]), |i| starts[i])
             };
             let [position, rate] = Channel::of(line.dof).map(of);
-            return self.along(index, line, model, (position, rate));
+            return self.along(index, (line, commands), model, (position, rate));
         }
         let mut state = ModelState::at_rest(self.rest[index].pose().map(T::from_f64));
         for (c, value) in self.starts[index].iter().zip(starts) {
@@ -117,7 +119,7 @@ impl Body {
         }
         let course = Course {
             start_s: r.start_s,
-            commands: &r.commands,
+            commands,
             stamps_s: &r.times_s,
             step_max_s: self.step_max_s,
             given: self.inputs[index].as_ref(),
@@ -133,13 +135,13 @@ impl Body {
     fn along<T: Real>(
         &self,
         index: usize,
-        line: &Line,
+        (line, commands): (&Line, &[(f64, [f64; 6])]),
         model: Model<T>,
         start: (T, T),
     ) -> Vec<PerChannel<T>> {
         let r = &self.recording.runs[index];
-        let mut edges: Vec<(f64, f64)> = Vec::with_capacity(r.commands.len());
-        for (t_s, wrench) in &r.commands {
+        let mut edges: Vec<(f64, f64)> = Vec::with_capacity(commands.len());
+        for (t_s, wrench) in commands {
             let load = wrench[line.dof];
             if edges.last().is_none_or(|e| e.1 != load) {
                 edges.push((*t_s, load));
@@ -169,7 +171,8 @@ impl Body {
             &natural[..places[0]],
             &natural[places[index]..places[index + 1]],
         );
-        self.drive(index, terms, globals, starts)
+        let commands = self.commands(index, globals);
+        self.drive(index, terms, (globals, starts), &commands)
     }
 
     /// Values and columns of each pass.
@@ -184,7 +187,8 @@ impl Body {
             let first = pass * N;
             let duals = Dual::<N>::pass(numbers, first);
             let (own, starts) = duals.split_at(globals);
-            let out = self.drive(index, terms, own, starts);
+            let commands = self.commands(index, &numbers[..globals]);
+            let out = self.drive(index, terms, (own, starts), &commands);
             let width = N.min(numbers.len() - first);
             let columns = (0..width).map(|i| out.iter().map(|s| s.map(|v| v.slope[i])).collect());
             (
@@ -225,6 +229,15 @@ impl Body {
                 column.iter_mut().flatten().for_each(|v| *v *= by);
                 made.columns.push((i, column));
             }
+        }
+        // Stamps are no duals: what moves them is asked by a step.
+        for (i, step) in self.clock_steps(index) {
+            let mut moved = numbers.clone();
+            moved[i] += step;
+            let (own, starts) = moved.split_at(globals);
+            let commands = self.commands(index, own);
+            let out = self.drive(index, terms, (own, starts), &commands);
+            made.columns[i].1 = by_step(&out, &made.values, step / natural[i].1);
         }
         made
     }
