@@ -31,6 +31,9 @@ table! {
         pub max_us: f64 = pulse().or(1900.0),
         /// Largest rate of change of a pulse width.
         pub max_slew_us_per_s: f64 = number(1.0, 1e6, "us/s").or(10_000.0),
+        /// Standard deviation of the scale of all thrusts, as a share. Omitted: `identify` assumes 0.05, until a bollard pull measures
+        /// the curve.
+        pub scale_sd: Option<f64> = number(0.0, 1.0, "").optional(),
         /// Thrust over pulse width, linear between the points, of every `[[thruster]]` without a curve of its own.
         key curve: Option<ThrustCurve> = points().optional() => |_| None,
         /// The link to the thrusters' controller.

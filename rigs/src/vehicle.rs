@@ -193,11 +193,17 @@ table! {
             .or_said(VehicleModel::Eq1, "eq1"),
         /// Mass of the vehicle.
         pub mass_kg: f64 = number(0.0, 1e6, "kg").above(),
+        /// Standard deviation of the mass. Omitted: `identify` assumes 1 % of it.
+        pub mass_kg_sd: Option<f64> = number(0.0, 1e6, "kg").optional(),
         /// Moments of inertia I_x, I_y, I_z about the CG.
         pub inertia_kgm2: [f64; 3] = numbers(number(0.0, 1e9, "kg m2").above()),
+        /// Standard deviations of the moments of inertia. Omitted: `identify` assumes 5 % of each.
+        pub inertia_kgm2_sd: Option<[f64; 3]> = numbers(number(0.0, 1e9, "kg m2")).optional(),
         /// Centre of buoyancy from the CG, z down: negative = above = stable.
         pub r_bz_m: f64 =
             number(-10.0, 10.0, "m").hint("Negative: centre of buoyancy above the centre of gravity"),
+        /// Standard deviation of the centre of buoyancy. Omitted: `identify` assumes 5 % of its distance.
+        pub r_bz_m_sd: Option<f64> = number(0.0, 10.0, "m").optional(),
         /// Gravitational acceleration.
         pub gravity_mps2: f64 = number(0.0, 30.0, "m/s2").above().or(9.81),
         /// Weight minus buoyancy, positive down: 0 = it hangs in the water or floats on it; in air its whole weight.

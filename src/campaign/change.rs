@@ -62,6 +62,7 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, EstimateError> {
         &Options {
             model: ModelChoice::Coupled,
             cross_validate: false,
+            budget: false,
             ..Options::default()
         },
     )

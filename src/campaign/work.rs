@@ -402,6 +402,7 @@ impl Campaign<'_> {
 fn identified(runs: &[Run], rig: &Rig, cross_validate: bool) -> Result<Coefficients, String> {
     let options = Options {
         cross_validate,
+        budget: false,
         ..Options::default()
     };
     identify(runs, rig, &options)

@@ -100,6 +100,7 @@ fn identified(rig: &Rig, stripes: &[PathBuf]) -> Result<(), CliError> {
     let options = Options {
         model: ModelChoice::Axis(Dof::Surge),
         cross_validate: false,
+        budget: false,
         ..Options::default()
     };
     let found = identify(&runs?, rig, &options)?;

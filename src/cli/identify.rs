@@ -12,13 +12,13 @@ use super::{CliError, Outcome, call, inputs, logs};
 use hydroline_core::run::Run;
 use hydroline_diagnose::Part;
 use hydroline_estimate::{ModelChoice, Options, identify, refit};
-use hydroline_identify::Identification;
 use hydroline_identify::adopt::adopt;
 use hydroline_identify::bollard::{self, Bollard};
 use hydroline_identify::curve;
 use hydroline_identify::data::{LoadError, STILL_MIN_S, check_vehicle, is_still, load};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::report::html;
+use hydroline_identify::{Estimate, Identification};
 use hydroline_report::significant;
 
 #[derive(Debug, clap::Args)]
@@ -212,6 +212,7 @@ fn fitted(
         from_rest: args.from_rest,
         flat_priors: args.flat_priors,
         cross_validate: true,
+        budget: true,
         progress: &tell,
     };
     let mut result = identify(&runs, rig, &options)?;
@@ -430,6 +431,29 @@ fn model(word: &str) -> Result<ModelChoice, CliError> {
     }
 }
 
+/// Standard uncertainty of a coefficient beside that of the samples.
+fn rest(p: &Estimate) -> Option<f64> {
+    let (all, own) = (p.combined_sd?, p.sd?);
+    Some((all * all - own * own).max(0.0).sqrt())
+}
+
+/// Expanded uncertainties, and what has the largest share of each and would reduce it.
+fn largest(result: &Identification) {
+    for p in result.order.iter().filter_map(|k| result.parameters.get(k)) {
+        let (Some(u95), Some(source)) = (p.u95, &p.largest_share) else {
+            continue;
+        };
+        let line = result.budget.iter().find(|l| l.source == *source);
+        outln!(
+            "  {}: U95 {} {}, most of it {source}; {} would reduce it",
+            p.symbol,
+            significant(u95),
+            p.unit,
+            line.map_or("more runs", |l| l.reduce.as_str())
+        );
+    }
+}
+
 fn print(result: &Identification) {
     outln!("{} ({} fits)", result.model, result.fits);
     outln!("  {}", result.test.sentence);
@@ -437,11 +461,12 @@ fn print(result: &Identification) {
         outln!("  {words}");
     }
     outln!(
-        "  {:<9}{:>12} {:>11}   {:<26}{:>10}  unit",
+        "  {:<9}{:>12} {:>11} {:>11}   {:<26}{:>10}  unit",
         "",
         "value",
-        "sd",
-        "95 % interval",
+        "+- samples",
+        "+- rest",
+        "95 % (samples)",
         "rig"
     );
     for p in result.order.iter().filter_map(|k| result.parameters.get(k)) {
@@ -457,14 +482,16 @@ fn print(result: &Identification) {
         let width =
             9 + p.symbol.chars().count() - p.symbol.chars().filter(|c| *c != '\u{307}').count();
         outln!(
-            "  {:<width$}{:>12} {:>11}   {interval:<26}{:>10}  {}{remark}",
+            "  {:<width$}{:>12} {:>11} {:>11}   {interval:<26}{:>10}  {}{remark}",
             p.symbol,
             significant(p.value),
             number(p.sd),
+            number(rest(p)),
             significant(p.rig),
             p.unit
         );
     }
+    largest(result);
     for (slot, n) in &result.noise {
         let colour = if n.noise.coloured_sd > 0.0 {
             format!(

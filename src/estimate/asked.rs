@@ -28,6 +28,8 @@ pub(crate) struct Asked {
     pub moving: Vec<usize>,
     /// Coefficients that are listed: all but those that are fixed.
     pub coefficients: Vec<Coefficient>,
+    /// Coefficients that are fixed, of the DOFs that are simulated.
+    pub fixed: Vec<Coefficient>,
 }
 
 impl Asked {
@@ -59,6 +61,12 @@ impl Asked {
         let all = dofs.iter().flat_map(|d| Coefficient::of(*d));
         Asked {
             name,
+            fixed: options
+                .fixed
+                .iter()
+                .copied()
+                .filter(|c| moving.contains(&c.dof.index()))
+                .collect(),
             moving,
             coefficients: all.filter(|c| !options.fixed.contains(c)).collect(),
             dofs,

@@ -65,6 +65,8 @@ impl Concluding<'_> {
             order: listed.iter().map(|c| c.key().to_owned()).collect(),
             covariance: rows(&block, |v| v.is_finite().then_some(v)),
             correlation: rows(&correlation(&block), |v| v),
+            covariance_combined: Vec::new(),
+            budget: Vec::new(),
             noise: BTreeMap::new(),
             variance_ratio: 1.0,
             residuals: Vec::new(),
@@ -195,6 +197,9 @@ impl Concluding<'_> {
                 unit: c.unit().to_owned(),
                 value,
                 sd: finite,
+                combined_sd: None,
+                u95: None,
+                largest_share: None,
                 low: profile
                     .map(|p| p.low)
                     .or(finite.map(|sd| value - quantile * sd)),

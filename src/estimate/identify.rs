@@ -10,6 +10,7 @@ use hydroline_inference::recording::Recording;
 use hydroline_rigs::{Dof, Rig};
 
 use super::asked::Asked;
+use super::budget::add_budget;
 use super::conclude::Concluding;
 use super::fitted::fitted;
 use super::held_out::cross_validate;
@@ -57,6 +58,10 @@ pub fn identify(
     let mut result = concluding.result(&moving);
     note_covariances(&moving, &mut result);
     note_rest(&at_rest, &mut result);
+    if options.budget {
+        (options.progress)("uncertainty budget");
+        add_budget(&mut result, (&fitted, &numbers), &asked, rig);
+    }
     if options.cross_validate && moving.len() > 1 {
         (options.progress)("each run by the others");
         result.cross_validation = cross_validate(&fitted, rig);

@@ -34,6 +34,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod asked;
+mod budget;
 mod conclude;
 mod fitted;
 mod held_out;

@@ -29,6 +29,8 @@ pub struct Options<'a> {
     pub flat_priors: bool,
     /// Leave-one-run-out.
     pub cross_validate: bool,
+    /// The uncertainty budget beside the samples' scatter.
+    pub budget: bool,
     /// Receiver of what begins, in words.
     pub progress: &'a (dyn Fn(&str) + Sync),
 }
@@ -41,6 +43,7 @@ impl Default for Options<'_> {
             from_rest: false,
             flat_priors: false,
             cross_validate: true,
+            budget: true,
             progress: &|_| {},
         }
     }

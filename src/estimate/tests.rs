@@ -15,6 +15,7 @@ const QUICK: Options<'_> = Options {
     from_rest: false,
     flat_priors: false,
     cross_validate: false,
+    budget: false,
     progress: &|_| {},
 };
 
@@ -215,4 +216,101 @@ fn samples_count_by_the_sd_that_their_log_says() {
         println!("{key} {ratio} {:?} {:?}", weighed.noise, alone.noise);
         assert!((0.7..1.3).contains(&ratio), "{key}: {ratio}");
     }
+}
+
+/// Each line of the budget is what the coefficient does when its source is off by one sd.
+#[test]
+fn a_line_of_the_budget_is_the_change_that_its_source_makes() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let runs = [reversals(&rig, 0.0)];
+    let with = Options {
+        budget: true,
+        ..QUICK
+    };
+    let found = identify(&runs, &rig, &with).unwrap();
+    let line = |source: &str| found.budget.iter().find(|l| l.source == source).unwrap();
+    let mut heavy = rig.clone();
+    heavy.vehicle.mass_kg *= 1.01;
+    let of_mass = identify(&runs, &heavy, &QUICK).unwrap();
+    let mut strong = runs.clone();
+    for command in &mut strong[0].commands {
+        command.wrench[0] *= 1.05;
+    }
+    let of_thrust = identify(&strong, &rig, &QUICK).unwrap();
+    for (source, other) in [("mass", &of_mass), ("thrust scale", &of_thrust)] {
+        for (key, said) in &line(source).contributions {
+            let sd = found.parameters[key].sd.unwrap();
+            let change = (other.value(key).unwrap() - found.value(key).unwrap()).abs();
+            // Where it does next to nothing, to a part of the scatter.
+            let near = (0.2 * said).max(0.2 * sd);
+            assert!(
+                (change - said).abs() < near,
+                "{source} {key}: {change} {said}"
+            );
+        }
+    }
+    // The thrust's scale is what these runs say least of.
+    for p in found.parameters.values() {
+        assert_eq!(p.largest_share.as_deref(), Some("thrust scale"), "{p:?}");
+        let sum = |key: &str| -> f64 {
+            let each = found.budget.iter().filter_map(|l| l.contributions.get(key));
+            each.map(|v| v * v).sum::<f64>().sqrt()
+        };
+        let key = found.parameters.iter().find(|(_, q)| *q == p).unwrap().0;
+        assert!(
+            (sum(key) / p.combined_sd.unwrap() - 1.0).abs() < 1e-6,
+            "{key}"
+        );
+        assert!((p.u95.unwrap() - 2.0 * p.combined_sd.unwrap()).abs() < 1e-9);
+    }
+    assert!(
+        found
+            .notes
+            .iter()
+            .any(|n| n.starts_with("assumed until measured"))
+    );
+    // What the rig states is taken.
+    let mut weighed = rig.clone();
+    weighed.vehicle.mass_kg_sd = Some(1e-3);
+    weighed.thrusters.scale_sd = Some(0.0);
+    let known = identify(&runs, &weighed, &with).unwrap();
+    assert!(known.budget.iter().all(|l| l.source != "thrust scale"));
+    let mass = known.budget.iter().find(|l| l.source == "mass").unwrap();
+    assert_eq!((mass.basis.as_str(), mass.sd), ("the rig", Some(1e-3)));
+    for (key, p) in &known.parameters {
+        assert!(p.combined_sd < found.parameters[key].combined_sd, "{key}");
+    }
+}
+
+/// One load from rest: X_u̇ was some sds off the truth where the thrusters have a deadband that these runs cannot show.
+#[test]
+fn a_deadband_that_nobody_can_see_is_in_the_expanded_uncertainty() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let mut run = reversals(&rig, 0.0);
+    // The loads as the rig has them, of which 0.3 N do not arrive.
+    for command in &mut run.commands {
+        let load = &mut command.wrench[0];
+        *load += 0.3 * load.signum() * f64::from(*load != 0.0);
+    }
+    // Nothing but one push, so that no effect of the load's size shows.
+    run.samples.retain(|s| s.t_s < 4.0);
+    run.commands.truncate(1);
+    let with = Options {
+        from_rest: true,
+        budget: true,
+        ..QUICK
+    };
+    let found = identify(&[run], &rig, &with).unwrap();
+    for line in &found.budget {
+        println!("{} {:?} {:?}", line.source, line.sd, line.contributions);
+    }
+    let p = &found.parameters["x_udot"];
+    let truth = rig.vehicle.coefficients[0].added;
+    println!("{p:?} {truth}");
+    assert!((p.value - truth).abs() < p.u95.unwrap(), "{p:?}");
+    let deadband = found
+        .budget
+        .iter()
+        .find(|l| l.source == "thruster_deadband");
+    assert!(deadband.is_some_and(|l| l.contributions["x_udot"] > p.sd.unwrap()));
 }

@@ -96,8 +96,26 @@ pub fn adopt(result: &Identification, rig: &mut Rig) -> Vec<String> {
         .iter()
         .filter_map(|(i, value)| Some((all.get(*i)?.coefficient, *value)))
         .collect();
-    put(rig, &new, &written.covariance);
+    put(
+        rig,
+        &new,
+        &(written.covariance + beyond_samples(result, &new)),
+    );
     kept_out
+}
+
+/// Covariance of the whole budget beyond that of the samples, of these coefficients.
+fn beyond_samples(result: &Identification, of: &[(Coefficient, f64)]) -> DMatrix<f64> {
+    let place = |c: Coefficient| result.order.iter().position(|key| key == c.key());
+    let cell = |from: &[Vec<Option<f64>>], i: usize, j: usize| from.get(i)?.get(j).copied()?;
+    DMatrix::from_fn(of.len(), of.len(), |a, b| {
+        let (Some(i), Some(j)) = (place(of[a].0), place(of[b].0)) else {
+            return 0.0;
+        };
+        let combined = cell(&result.covariance_combined, i, j);
+        let own = cell(&result.covariance, i, j);
+        combined.zip(own).map_or(0.0, |(all, own)| all - own)
+    })
 }
 
 /// Puts coefficients and their covariance (SI) into a rig; what `[identified]` says of others that the rig keeps stays.

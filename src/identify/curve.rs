@@ -98,6 +98,8 @@ pub fn widen(result: &mut Identification, values: &[Vec<f64>]) {
             continue;
         };
         let wider = sd.hypot(added.sqrt());
+        p.combined_sd = p.combined_sd.map(|c| c.hypot(added.sqrt()));
+        p.u95 = p.combined_sd.map(|c| 2.0 * c);
         let about = p.value;
         let grow = |end: f64| about + (end - about) * wider / sd;
         (p.low, p.high) = (p.low.map(grow), p.high.map(grow));
@@ -115,6 +117,10 @@ pub fn widen(result: &mut Identification, values: &[Vec<f64>]) {
                 whole[(i, j)] = *cell;
             } else if i != j {
                 whole[(i, j)] = 0.0;
+            }
+            let combined = result.covariance_combined.get_mut(i);
+            if let Some(cell) = combined.and_then(|row| row[j].as_mut()) {
+                *cell += added;
             }
         }
     }

@@ -29,6 +29,6 @@ pub mod predict;
 pub mod report;
 
 pub use outcome::{
-    CrossValidation, Estimate, Identification, Logged, NotIdentifiable, Profile, Residuals,
-    RunSummary, SlotNoise, Trace,
+    BudgetLine, CrossValidation, Estimate, Identification, Logged, NotIdentifiable, Profile,
+    Residuals, RunSummary, SlotNoise, Trace,
 };

@@ -16,9 +16,16 @@ pub struct Estimate {
     pub unit: String,
     /// Estimated value, in that unit.
     pub value: f64,
-    /// Standard deviation; `None` = the runs say nothing about it.
+    /// Standard deviation by the samples (Type A); `None` = the runs say nothing about it.
     pub sd: Option<f64>,
-    /// 95 % interval: by profile likelihood where there is one, else value -+ t sd.
+    /// Combined standard uncertainty: with what the fit takes as known and is not (Type B, `budget`).
+    pub combined_sd: Option<f64>,
+    /// Expanded uncertainty, twice the combined one: the value lies within it in some 95 % of cases.
+    pub u95: Option<f64>,
+    /// Source of the largest share of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub largest_share: Option<String>,
+    /// 95 % interval by the samples alone: by profile likelihood where there is one, else value -+ t sd.
     pub low: Option<f64>,
     /// Its upper end.
     pub high: Option<f64>,
@@ -132,6 +139,34 @@ pub struct RunSummary {
     pub start: BTreeMap<String, (f64, Option<f64>)>,
 }
 
+/// Source of uncertainty, and what it does to each coefficient.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct BudgetLine {
+    /// Source: the samples, a number that is held, an effect that these runs cannot show.
+    pub source: String,
+    /// `A` (by the samples) or `B` (JCGM 100:2008).
+    pub kind: String,
+    /// Standard deviation of the source, in its unit; absent of the samples, and of an effect, which is as large as is typical.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
+    /// Unit of the source; 1 = a share.
+    pub unit: String,
+    /// Reason for that sd: `the rig`, `assumed`, `blind spot` or where else it is from.
+    pub basis: String,
+    /// Standard uncertainty of each coefficient by this source, by key \[the coefficient's unit\].
+    pub contributions: BTreeMap<String, f64>,
+    /// Measurement that would reduce it.
+    pub reduce: String,
+}
+
+impl BudgetLine {
+    /// Change of a coefficient by one unit of the source; `None` where the source has no unit.
+    pub fn sensitivity(&self, key: &str) -> Option<f64> {
+        let sd = self.sd.filter(|sd| *sd > 0.0)?;
+        self.contributions.get(key).map(|c| c / sd)
+    }
+}
+
 /// Series for plots; not in the JSON.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
@@ -179,8 +214,14 @@ pub struct Identification {
     pub parameters: BTreeMap<String, Estimate>,
     /// Order of rows and columns below.
     pub order: Vec<String>,
-    /// Covariance of the coefficients; `null` rows = not determined.
+    /// Covariance of the coefficients by the samples (Type A); `null` rows = not determined.
     pub covariance: Vec<Vec<Option<f64>>>,
+    /// The same of all of the budget: what a rig is written with, and a prediction's band is made of. Empty = no budget was made.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub covariance_combined: Vec<Vec<Option<f64>>>,
+    /// Budget of the uncertainty, source by source, the samples first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub budget: Vec<BudgetLine>,
     /// Correlation matrix of the coefficients.
     pub correlation: Vec<Vec<f64>>,
     /// Noise by channel.

@@ -115,7 +115,11 @@ impl Identified {
         if values.is_empty() {
             return Err(bad("`order` is empty: no coefficient".into()));
         }
-        let cell = |i: usize, j: usize| json["covariance"][i][j].as_f64();
+        let whole = match json["covariance_combined"].is_array() {
+            true => "covariance_combined",
+            false => "covariance",
+        };
+        let cell = |i: usize, j: usize| json[whole][i][j].as_f64();
         let n = values.len();
         for (i, (coefficient, _)) in values.iter().enumerate() {
             if cell(i, i).is_none() {

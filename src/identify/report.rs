@@ -30,6 +30,7 @@ pub fn html(result: &Identification, command: &str) -> String {
         b.paragraph(words);
     }
     coefficients(b, result);
+    budget(b, result);
     runs(b, result);
     noise(b, result);
     correlations(b, result);
@@ -96,7 +97,16 @@ fn runs(b: &mut Body, result: &Identification) {
 
 fn coefficients(b: &mut Body, result: &Identification) {
     b.section("Coefficients");
-    let mut table = Table::new(["", "value", "sd", "95 % interval", "rig", "unit"]);
+    let mut table = Table::new([
+        "",
+        "value",
+        "sd (samples)",
+        "95 % interval (samples)",
+        "U95 (all)",
+        "most of it",
+        "rig",
+        "unit",
+    ]);
     let number = |v: Option<f64>| v.map_or("-".to_owned(), significant);
     for p in result
         .order
@@ -114,11 +124,49 @@ fn coefficients(b: &mut Body, result: &Identification) {
                 significant(p.value),
                 number(p.sd),
                 format!("{} .. {}{how}", number(p.low), number(p.high)),
+                number(p.u95),
+                p.largest_share.clone().unwrap_or_else(|| "-".to_owned()),
                 significant(p.rig),
                 p.unit.clone(),
             ])
             .warning_if(!p.excited),
         );
+    }
+    b.table(table);
+}
+
+/// Sources of uncertainty, with what each does to each coefficient.
+fn budget(b: &mut Body, result: &Identification) {
+    if result.budget.is_empty() {
+        return;
+    }
+    b.section("Uncertainty budget");
+    b.paragraph("Standard uncertainty of each coefficient by each source (JCGM 100:2008), in the coefficient's unit. A source of type B is a number that the fit takes as known.");
+    let head = ["source", "type", "sd", "basis"].map(str::to_owned);
+    let keys = result.order.iter().cloned();
+    let mut table = Table::new(
+        head.into_iter()
+            .chain(keys)
+            .chain(["reduced by".to_owned()]),
+    );
+    for line in &result.budget {
+        let sd = line.sd.map_or_else(
+            || line.unit.clone(),
+            |sd| format!("{} {}", significant(sd), line.unit),
+        );
+        let of = |key: &String| line.contributions.get(key).copied();
+        let shares = result
+            .order
+            .iter()
+            .map(|key| of(key).map_or("-".to_owned(), significant));
+        let head = [
+            line.source.clone(),
+            line.kind.clone(),
+            sd,
+            line.basis.clone(),
+        ];
+        let cells = head.into_iter().chain(shares).chain([line.reduce.clone()]);
+        table.row(cells);
     }
     b.table(table);
 }

@@ -49,6 +49,7 @@ fn set(kind: LinkKind, port: LinkPort) -> ThrusterSet {
         min_us: 1100.0,
         max_us: 1900.0,
         max_slew_us_per_s: 50_000.0,
+        scale_sd: None,
     }
 }
 

@@ -142,6 +142,7 @@ pub fn surge_runs(vehicle: &Vehicle, noise: TestNoise, seed: u64) -> Vec<Run> {
 pub fn quick() -> Options<'static> {
     Options {
         cross_validate: false,
+        budget: false,
         ..Options::default()
     }
 }

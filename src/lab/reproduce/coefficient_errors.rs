@@ -73,6 +73,7 @@ impl Identified {
             model: ModelChoice::Axis(dof),
             from_rest: true,
             cross_validate: false,
+            budget: false,
             ..Options::default()
         };
         let found = identify(&data, guess, &options)?;

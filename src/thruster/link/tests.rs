@@ -34,6 +34,7 @@ fn set(kind: LinkKind) -> ThrusterSet {
         min_us: 1100.0,
         max_us: 1900.0,
         max_slew_us_per_s: 4000.0,
+        scale_sd: None,
     }
 }
 
