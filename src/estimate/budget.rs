@@ -123,6 +123,8 @@ pub(crate) fn add_budget(
             }),
         }
     }
+    // What moves no coefficient is no source of their uncertainty.
+    lines.retain(|l| l.contributions.values().any(|v| *v > 0.0));
     for (i, key) in keys.iter().enumerate() {
         let Some(p) = result.parameters.get_mut(key) else {
             continue;
@@ -388,7 +390,7 @@ impl Sources<'_> {
                 moved,
             ));
         }
-        for (run, values) in base.iter().enumerate() {
+        for run in 0..base.len() {
             for c in Channel::POSES.into_iter().filter(|c| measured(*c)) {
                 let (sd, unit) = match c.is_angular() {
                     true => (SHARED_RAD, "rad"),
@@ -404,7 +406,6 @@ impl Sources<'_> {
                     true => "angles that all poses of a run share",
                     false => "offset that all poses of a run share",
                 };
-                debug_assert!(!values.is_empty());
                 all.push(consider(
                     source,
                     sd,
