@@ -374,6 +374,7 @@ impl Concluding<'_> {
                 samples: run.samples.len(),
                 length_s: run.end_s(),
                 rms: left[i].by_name(),
+                seen: hydroline_identify::seen(run),
                 notes: run.notes.clone(),
                 start: start.collect(),
             });

@@ -27,8 +27,10 @@ mod outcome;
 pub mod parameter;
 pub mod predict;
 pub mod report;
+mod seen;
 
 pub use outcome::{
     BudgetLine, CrossValidation, Estimate, Identification, Logged, NotIdentifiable, Profile,
     Residuals, RunSummary, SlotNoise, Trace,
 };
+pub use seen::{Seen, seen};

@@ -6,6 +6,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 use super::model_test::ModelTest;
+use super::seen::Seen;
 
 /// One coefficient.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
@@ -133,6 +134,8 @@ pub struct RunSummary {
     pub length_s: f64,
     /// rms of measured - fitted per channel, SI.
     pub rms: BTreeMap<String, f64>,
+    /// Motion that it showed, by DOF: the range in which its coefficients were seen.
+    pub seen: BTreeMap<String, Seen>,
     /// Oddities of the run's data, one sentence each.
     pub notes: Vec<String>,
     /// Start values found, with sd.
