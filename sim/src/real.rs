@@ -2,8 +2,10 @@
 //!
 //! Laws take `T: Real` so that the same code runs on `f64` (simulation) and on a dual
 //! number (exact sensitivities of a trajectory to coefficients, effect parameters and
-//! delays). A law may compare and clamp values; it must never branch on derivatives.
+//! delays). A law may clamp and choose by a sign ([`Real::where_negative`]); it must never branch on derivatives, nor in code of its
+//! own on values that move: then it can be written down as a formula too.
 
+use crate::effect::covariate_table::cubic;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -52,6 +54,20 @@ pub trait Real:
             }
         }
         sum
+    }
+
+    /// `negative` where this is below 0, else `otherwise`.
+    fn where_negative(self, negative: Self, otherwise: Self) -> Self {
+        if self.value() < 0.0 {
+            negative
+        } else {
+            otherwise
+        }
+    }
+
+    /// The value at `at` of a table at equally spaced points over `range` (see [`cubic`](crate::effect::covariate_table::cubic)).
+    fn looked_up(table: &[Self], range: (f64, f64), at: Self) -> Self {
+        cubic(table, range, at)
     }
 
     /// The number 0.

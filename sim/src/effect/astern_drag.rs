@@ -38,9 +38,8 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 impl<T: Real> Law<T> for Astern<T> {
     fn drag(&self, m: &Moment<'_, T>, drag: &mut [T; 6]) {
         // Continuous: the drag itself is 0 where the sign changes.
-        if m.nu_r[self.dof].value() < 0.0 {
-            drag[self.dof] = drag[self.dof] * self.gain;
-        }
+        let grown = drag[self.dof] * self.gain;
+        drag[self.dof] = m.nu_r[self.dof].where_negative(grown, drag[self.dof]);
     }
 }
 

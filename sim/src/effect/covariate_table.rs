@@ -29,6 +29,11 @@ pub(super) fn covariate<T: Real>(m: &Moment<'_, T>, covariate: usize, dof: usize
 ///
 /// `range` = covariate at the first and the last point.
 pub fn interpolated<T: Real>(values: &[T], range: (f64, f64), at: T) -> T {
+    T::looked_up(values, range, at)
+}
+
+/// The cubic of [`interpolated`], computed.
+pub fn cubic<T: Real>(values: &[T], range: (f64, f64), at: T) -> T {
     let last = values.len().saturating_sub(1);
     let span = range.1 - range.0;
     if last == 0 || span.is_nan() || span <= 0.0 {

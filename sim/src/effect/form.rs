@@ -98,10 +98,8 @@ pub fn form(place: usize) -> (Parity, Shape) {
 pub fn sign<T: Real>(c: T, of_a_rate: bool) -> T {
     if of_a_rate {
         (c * (1.0 / SLIP_MPS)).tanh()
-    } else if c.value() < 0.0 {
-        T::from_f64(-1.0)
     } else {
-        T::one()
+        c.where_negative(T::from_f64(-1.0), T::one())
     }
 }
 

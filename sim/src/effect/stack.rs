@@ -176,6 +176,11 @@ impl<T: Real> EffectStack<T> {
         self.members.iter().map(|m| m.info)
     }
 
+    /// Number of own states of each effect, in the order the effects act.
+    pub fn own_states(&self) -> impl Iterator<Item = (&'static EffectInfo, usize)> + '_ {
+        self.members.iter().map(|m| (m.info, m.last - m.first))
+    }
+
     /// Own states of all effects together.
     pub(crate) fn states(&self) -> usize {
         self.members.last().map_or(0, |m| m.last)

@@ -38,8 +38,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 
 impl<T: Real> Law<T> for Asymmetry<T> {
     fn thrust(&self, _m: &Moment<'_, T>, wrench: &mut [T; 6], _own: &[T], _rate: &mut [T]) {
-        if wrench[self.dof].value() < 0.0 {
-            wrench[self.dof] = wrench[self.dof] * self.reverse_gain;
-        }
+        let load = wrench[self.dof];
+        wrench[self.dof] = load.where_negative(load * self.reverse_gain, load);
     }
 }

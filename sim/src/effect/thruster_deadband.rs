@@ -43,12 +43,7 @@ pub(super) fn law<T: Real>(values: &Values<'_, T>) -> impl Law<T> + use<T> {
 impl<T: Real> Law<T> for Deadband<T> {
     fn thrust(&self, _m: &Moment<'_, T>, wrench: &mut [T; 6], _own: &[T], _rate: &mut [T]) {
         let x = wrench[self.dof];
-        wrench[self.dof] = if x.abs().value() < self.width_n.value() {
-            T::zero()
-        } else if x.value() < 0.0 {
-            x + self.width_n
-        } else {
-            x - self.width_n
-        };
+        let beyond = x.where_negative(x + self.width_n, x - self.width_n);
+        wrench[self.dof] = (x.abs() - self.width_n).where_negative(T::zero(), beyond);
     }
 }
