@@ -23,6 +23,7 @@
 
 pub use hydroline_capture as capture;
 pub use hydroline_cli as cli;
+pub use hydroline_coefficients as coefficients;
 pub use hydroline_core::{
     build_info, clock, event, frame, run, session, shutdown, thread_class, water,
 };

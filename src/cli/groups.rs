@@ -13,7 +13,14 @@ pub const GROUPS: &[(&str, &[&str])] = &[
     (
         "Analysis",
         &[
-            "extract", "import", "join", "identify", "diagnose", "predict", "campaign",
+            "extract",
+            "import",
+            "join",
+            "identify",
+            "coefficients",
+            "diagnose",
+            "predict",
+            "campaign",
         ],
     ),
     ("Simulation and proof", &["simulate", "reproduce", "prove"]),

@@ -74,6 +74,14 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A number that is finite and more than 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err(format!("'{text}' is not a number > 0")),
+    }
+}
+
 /// A rig by file or built-in name.
 pub fn rig(argument: &str) -> Result<Rig, CliError> {
     let rig = Rig::load_or_builtin(argument)?;

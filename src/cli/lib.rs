@@ -20,6 +20,7 @@ mod calibrated;
 pub mod call;
 mod campaign;
 mod check;
+mod coefficients;
 mod completions;
 mod demo;
 mod design;
@@ -194,6 +195,8 @@ Examples:
     Join(join::Args),
     /// Hydrodynamic coefficients with their uncertainty
     Identify(identify::Args),
+    /// Tables of coefficients: primed, scaled, with intervals
+    Coefficients(coefficients::Args),
     /// Physics that the model left out, and proof
     Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
@@ -279,6 +282,7 @@ impl Cli {
             Command::Import(args) => import::run(&args, build),
             Command::Join(args) => join::run(&args, build),
             Command::Identify(args) => identify::run(&args),
+            Command::Coefficients(args) => coefficients::run(&args),
             Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),
             Command::Simulate(args) => simulate::run(&args, build),

@@ -57,6 +57,7 @@ pub fn printed() -> Vec<Printed> {
         "join" "" hydroline_import::join::Joined,
         "identify" "" Identification,
         "identify" "With --bollard and without logs." Bollard,
+        "coefficients" "" hydroline_coefficients::Table,
         "diagnose" "The same is in `diagnose.json` of --report." Verdict,
         "predict" "" predict::Printed<'static>,
         "simulate" "" simulate::Printed<'static>,

@@ -6,6 +6,7 @@ use hydroline_calib::CalibError;
 use hydroline_calib::calibration::usage::UseError;
 use hydroline_calib::flat::FlatError;
 use hydroline_capture::{CaptureError, FolderError};
+use hydroline_coefficients::{FittedError, PrimeError};
 use hydroline_core::descriptors::TooFew;
 use hydroline_core::frame::FrameError;
 use hydroline_daemon::record::RecordError;
@@ -269,6 +270,8 @@ sorted! {
         ImportError::Log(error) => error.is_input(),
     },
     RigError: |_| true,
+    FittedError: |_| true,
+    PrimeError: |_| true,
     UseError: |_| true,
     MapError: |_| true,
     EffectError: |_| true,
