@@ -1,12 +1,16 @@
 //! Files for other programs.
 
+mod body;
 mod casadi;
 mod header;
 mod mss;
 mod python;
+mod sdf;
+mod urdf;
+mod xml;
 
 use hydroline_coefficients::regime::Range;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Rig, VehicleModel};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -22,11 +26,21 @@ pub enum Target {
     Casadi,
     /// A function for MATLAB and Octave in the form of the MSS toolbox.
     Mss,
+    /// A model of Gazebo, with its plugins.
+    Sdf,
+    /// A robot of URDF with the plugins of UUV Simulator.
+    Urdf,
 }
 
 impl Target {
     /// All of them.
-    pub const ALL: [Target; 3] = [Target::Python, Target::Casadi, Target::Mss];
+    pub const ALL: [Target; 5] = [
+        Target::Sdf,
+        Target::Urdf,
+        Target::Mss,
+        Target::Python,
+        Target::Casadi,
+    ];
 
     /// Name on the command line.
     pub fn name(self) -> &'static str {
@@ -34,6 +48,8 @@ impl Target {
             Target::Python => "python",
             Target::Casadi => "casadi",
             Target::Mss => "mss",
+            Target::Sdf => "sdf",
+            Target::Urdf => "urdf",
         }
     }
 }
@@ -43,6 +59,8 @@ impl Target {
 pub struct Export {
     /// Contents of the file.
     pub bytes: Vec<u8>,
+    /// Effects that it holds.
+    pub held: Vec<String>,
     /// What the target cannot hold.
     pub lost: Vec<Lost>,
     /// By how far the motion of what was written is another one, over plans that fit the rig; empty where nothing is lost.
@@ -80,6 +98,14 @@ pub struct About<'a> {
 /// # Errors
 /// [`ModelError`].
 pub fn export(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, ModelError> {
+    match target {
+        Target::Python | Target::Casadi | Target::Mss => formulas(rig, target, about),
+        Target::Sdf | Target::Urdf => simulator(rig, target, about),
+    }
+}
+
+/// A language, in which the laws are formulas.
+fn formulas(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, ModelError> {
     let model = written(rig)?;
     let lost = of_formulas(&model);
     // Effects on the measurement change no motion.
@@ -92,16 +118,67 @@ pub fn export(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, Mo
     let differences = differences(rig, &without(rig, &gone));
     let head = header::lines(rig, &model.held, &lost, &differences, about);
     let text = match target {
-        Target::Python => python::text(rig, &model, &head),
         Target::Casadi => casadi::text(rig, &model, &head),
         Target::Mss => mss::text(rig, &model, &head, about.function),
+        _ => python::text(rig, &model, &head),
     };
     Ok(Export {
         bytes: text.into_bytes(),
+        held: model.held,
         lost,
         differences,
         changed: Vec::new(),
     })
+}
+
+/// A simulator of bodies, which has laws of its own.
+fn simulator(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, ModelError> {
+    let mut body = body::body(rig)?;
+    let lag_s = match target {
+        Target::Urdf => urdf::with_lag(rig, &mut body)?,
+        _ => None,
+    };
+    let names: Vec<String> = body.lost.iter().map(|l| l.what.clone()).collect();
+    let mut of_target = without(rig, &names);
+    of_target.vehicle.model = VehicleModel::Eq1;
+    of_target.vehicle.stiffness = [0.0; 3];
+    let differences = differences(rig, &of_target);
+    body.lost.extend(match target {
+        Target::Urdf => urdf::lost(),
+        _ => sdf::lost(),
+    });
+    let mut head = header::lines(rig, &body.held, &body.lost, &differences, about);
+    head.push(String::new());
+    head.push("Here: body frame x forward, y to port, z up; world z up.".to_owned());
+    head.extend(
+        body.changed
+            .iter()
+            .map(|words| format!("Changed: {words}.")),
+    );
+    head.extend(curves(rig));
+    let text = match target {
+        Target::Urdf => urdf::text(rig, &body, lag_s, &head),
+        _ => sdf::text(&body, &head),
+    };
+    Ok(Export {
+        bytes: text.into_bytes(),
+        held: body.held,
+        lost: body.lost,
+        differences,
+        changed: body.changed,
+    })
+}
+
+/// Thrust curves in lines.
+fn curves(rig: &Rig) -> Vec<String> {
+    let mut lines =
+        vec!["Pulse [us] and thrust [N] of each thruster, linear between the points:".to_owned()];
+    for thruster in &rig.thrusters.thrusters {
+        let points = thruster.curve.points.iter();
+        let points: Vec<String> = points.map(|(p, n)| format!("{p} {n}")).collect();
+        lines.push(format!("  {}: {}", thruster.name, points.join(", ")));
+    }
+    lines
 }
 
 /// The start of the rig: pose at rest, then the effects' own states at 0.
