@@ -15,6 +15,7 @@ mod inputs;
 pub mod next;
 mod outside;
 mod place;
+mod posterior;
 mod shown;
 mod unearned;
 mod words;
@@ -225,6 +226,7 @@ fn tell(verdict: &mut Verdict, judged: &Judged<'_>, dofs: &[usize]) {
     verdict.fit = judged.fit();
     verdict.parameters = judged.parameters();
     verdict.alternatives = judged.alternatives();
+    verdict.posterior = judged.posterior_models();
     verdict.blind_spots = judged.blind_spots();
     verdict.notes.extend(judged.notes());
 }

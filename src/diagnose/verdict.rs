@@ -4,6 +4,7 @@ mod contradiction;
 mod effect;
 mod implausible;
 mod mismatch;
+mod posterior;
 mod prediction;
 mod truncated;
 mod unexplained;
@@ -13,6 +14,7 @@ pub use contradiction::Contradiction;
 pub use effect::{AblationStep, Alternative, Candidate, Effect, Law, Value};
 pub use implausible::Implausible;
 pub use mismatch::{DataFault, NoiseFound, Test, Where};
+pub use posterior::PosteriorModel;
 pub use prediction::{BeforeAfter, FitTable, LeaveOneRunOut, Predicted, PredictedRun, Predictive};
 pub use truncated::{Truncated, TruncatedBy};
 pub use unexplained::{ClosedForm, Piece, Unexplained, WrittenForm};
@@ -142,6 +144,9 @@ pub struct Verdict {
     pub data_faults: Vec<DataFault>,
     /// The likeliest sets of effects that were looked at, the verdict's first.
     pub alternatives: Vec<Alternative>,
+    /// Models of the posterior with the joint distribution of their numbers, for draws; most probable first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub posterior: Vec<PosteriorModel>,
     /// The heavy effects one after the other, by what each gains in prediction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ablation: Vec<AblationStep>,

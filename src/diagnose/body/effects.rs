@@ -11,7 +11,6 @@ use hydroline_inference::prediction::Prediction;
 use hydroline_inference::summary::Rms;
 use hydroline_inference::term::{Candidate, Kind};
 use hydroline_rigs::Rig;
-use hydroline_sim::effect::Trend;
 use nalgebra::DMatrix;
 
 use super::found::{Judged, relative};
@@ -404,31 +403,6 @@ impl Judged<'_> {
         });
         let new: Vec<(Coefficient, f64)> = coefficients.iter().map(|(_, c, v)| (*c, *v)).collect();
         put(rig, &new, &covariance);
-        let places = body.places(&fit.terms);
-        for (member, t) in fit.terms.iter().enumerate() {
-            let at = places[member];
-            let c = &body.candidates[*t];
-            // The trend of a law is written with its effect.
-            if matches!(c.kind, Kind::Trend { .. }) {
-                continue;
-            }
-            let numbers = |at: usize, n: usize| -> Vec<f64> {
-                natural[at..at + n].iter().map(|v| v.0).collect()
-            };
-            let mut effect = c.checked(&numbers(at, c.scales.len()));
-            let trend = self.found.problem.dependants(&fit.terms, member).next();
-            effect.trend = trend.and_then(|m| {
-                let trend = &body.candidates[fit.terms[m]];
-                let (along, range) = trend.along?;
-                Some(Trend {
-                    parameter: 0,
-                    nothing: c.nothing,
-                    along,
-                    range,
-                    shares: numbers(places[m], trend.scales.len()),
-                })
-            });
-            rig.physics.push(effect.entry());
-        }
+        rig.physics.extend(self.entries(fit));
     }
 }
