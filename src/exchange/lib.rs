@@ -8,8 +8,11 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+pub mod draws;
 pub mod formula;
 pub mod lost;
 pub mod model;
+pub mod npz;
+mod stored;
 pub mod target;
 pub mod traced;
