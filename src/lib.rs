@@ -33,6 +33,7 @@ pub use hydroline_daemon::{
 };
 pub use hydroline_diagnose as diagnose;
 pub use hydroline_estimate as estimate;
+pub use hydroline_exchange as exchange;
 pub use hydroline_identify as identify;
 pub use hydroline_identify::predict;
 pub use hydroline_import as import;

@@ -20,6 +20,7 @@ pub const GROUPS: &[(&str, &[&str])] = &[
             "coefficients",
             "diagnose",
             "predict",
+            "model",
             "campaign",
         ],
     ),

@@ -42,6 +42,7 @@ mod log_tools;
 mod logs;
 mod man;
 mod many;
+mod model;
 mod outcome;
 mod output;
 mod paper;
@@ -201,6 +202,8 @@ Examples:
     Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
     Predict(predict::Args),
+    /// A rig's model for another program, and draws of it
+    Model(model::Args),
     /// A plan rendered without hardware: same seed, same bytes
     Simulate(simulate::Args),
     /// The paper's tables, computed and printed beside its numbers
@@ -285,6 +288,7 @@ impl Cli {
             Command::Coefficients(args) => coefficients::run(&args),
             Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),
+            Command::Model(args) => model::run(&args, build),
             Command::Simulate(args) => simulate::run(&args, build),
             #[cfg(feature = "lab")]
             Command::Reproduce(args) => reproduce::run(&args),

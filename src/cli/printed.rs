@@ -1,8 +1,8 @@
 //! The types that --json prints, as JSON Schemas: the guide's chapter on them is made from these.
 
 use crate::{
-    calibrate, check, design, devices, export, extract, flat, import, log_tools, plan, predict,
-    prove, record, replay, reproduce, simulate,
+    calibrate, check, design, devices, export, extract, flat, import, log_tools, model, plan,
+    predict, prove, record, replay, reproduce, simulate,
 };
 use hydroline_diagnose::verdict::Verdict;
 use hydroline_identify::Identification;
@@ -60,6 +60,7 @@ pub fn printed() -> Vec<Printed> {
         "coefficients" "" hydroline_coefficients::Table,
         "diagnose" "The same is in `diagnose.json` of --report." Verdict,
         "predict" "" predict::Printed<'static>,
+        "model" "" model::Printed<'static>,
         "simulate" "" simulate::Printed<'static>,
         "reproduce" "figure12, figure13, figure17; NAME = figure." reproduce::Printed<'static, paper::Figure>,
         "reproduce" "table3; NAME = table3." reproduce::Printed<'static, Vec<paper::Row>>,

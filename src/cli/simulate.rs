@@ -6,6 +6,7 @@ use super::{CliError, Outcome, call, inputs, progress};
 use hydroline_core::build_info::BuildInfo;
 use hydroline_core::clock::SIMULATION_START_UNIX_S;
 use hydroline_daemon::simulate::{Options, simulate};
+use hydroline_exchange::draws;
 use hydroline_numerics::cancel;
 use hydroline_plan::preflight::preflight;
 use hydroline_rigs::{Board, Plan, Rig};
@@ -23,6 +24,7 @@ Examples:
   hydroline simulate --rig lshpi --plan surge-4n --out sim.mcap
   hydroline simulate --rig lshpi --plan reversals --motion-only --seed 7 --out motion.mcap
   hydroline simulate --rig lshpi --plan reversals --live --out sim.mcap    # http://127.0.0.1:8080
+  hydroline simulate --rig fitted.toml --plan reversals --draw 17 --motion-only --out draw.mcap
   hydroline simulate --rig lshpi --plan still --show-board dots-50 --out board.mcap
 
 Exit codes: 0 done; 1 the motion runs away, or the log cannot be written; 2 bad arguments, rig or plan.")]
@@ -68,6 +70,21 @@ pub struct Args {
     /// Simulates the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
     #[arg(long, value_name = "RIG")]
     tank: Option<String>,
+    /// Simulates draw N of the rig's uncertainty (1 is the first row of `model --draws`); the log names --rig only
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "tank")]
+    draw: Option<u32>,
+    /// With --draw: what identify --json or diagnose --json printed, in place of the rig's [identified]
+    #[arg(long, value_name = "RESULT.json", requires = "draw")]
+    draw_from: Option<PathBuf>,
+    /// With --draw: seed of the draws, as that of `model --draws`
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        requires = "draw",
+        allow_negative_numbers = true
+    )]
+    draw_seed: u64,
     /// The log's first second, e.g. 2026-05-04T09:30:00Z; default: 2020-09-13T12:26:40Z
     #[arg(long, value_parser = inputs::time, value_name = "TIME")]
     start: Option<u64>,
@@ -101,7 +118,10 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     args.live.check()?;
     warn(&rig, &plan)?;
     let shown = args.live.start(false)?;
-    let tank = args.tank.as_deref().map(inputs::rig).transpose()?;
+    let tank = match args.draw {
+        Some(draw) => Some(drawn(args, &rig, draw)?),
+        None => args.tank.as_deref().map(inputs::rig).transpose()?,
+    };
     let options = Options {
         seed: args.seed,
         motion_only: args.motion_only,
@@ -138,6 +158,22 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         outln!("{}", args.out.display());
     }
     Ok(Outcome::Done)
+}
+
+/// The rig of a draw, counted from 1.
+fn drawn(args: &Args, rig: &Rig, draw: u32) -> Result<Rig, CliError> {
+    let models = super::model::models(rig, args.draw_from.as_deref())?;
+    let all = draws::drawn(&models, draw as usize, args.draw_seed);
+    let Some(last) = all.last() else {
+        return Err(CliError::Config("--draw: no model to draw from".to_owned()));
+    };
+    Ok(draws::applied(
+        rig,
+        &models,
+        last,
+        draw as usize,
+        args.draw_seed,
+    )?)
 }
 
 /// A simulation may leave the tank; the person should know that a recording of this plan would be refused.

@@ -13,6 +13,6 @@ pub mod formula;
 pub mod lost;
 pub mod model;
 pub mod npz;
-mod stored;
+pub mod stored;
 pub mod target;
 pub mod traced;

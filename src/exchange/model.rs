@@ -7,6 +7,7 @@ use hydroline_sim::vehicle::{Hydrodynamics, Hydrostatics, VehicleState};
 use hydroline_sim::{Allocation, EffectError, Real, ThrustError};
 
 use super::formula::{Formula, Plain, formula};
+use super::stored::TooLarge;
 use super::traced::{Graph, Place, Traced, record};
 
 /// Names of pose and rates, in the order of the state.
@@ -30,6 +31,17 @@ pub enum ModelError {
         "the law of {effect} looks at {symbol} instead of choosing by its sign: it cannot be written as a formula; take the effect out of [[physics]], or use --to fmu, which runs hydroline's own code"
     )]
     Branches { effect: String, symbol: String },
+    #[error(
+        "the library of an FMU was not found beside the program or in ../lib/hydroline: build it (cargo build --release -p hydroline-fmu), or name it in HYDROLINE_FMU_LIBRARY"
+    )]
+    NoLibrary,
+    #[error("FMI has no name for {system} on {machine}; export on Linux, macOS or Windows")]
+    NoPlatform {
+        system: &'static str,
+        machine: &'static str,
+    },
+    #[error(transparent)]
+    TooLarge(#[from] TooLarge),
 }
 
 /// A number that the model is made of.

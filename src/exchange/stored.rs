@@ -148,7 +148,6 @@ pub(crate) mod tests {
         assert_eq!(read[1].1, [0, 1, 2, 255]);
     }
 
-    /// The same file as Python's zipfile reads it (checked by hand once; `tests/nightly exchange` does it again).
     #[test]
     fn an_empty_archive_is_its_end_alone() {
         assert_eq!(Stored::default().finish().unwrap().len(), 22);

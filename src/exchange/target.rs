@@ -2,6 +2,7 @@
 
 mod body;
 mod casadi;
+mod fmu;
 mod header;
 mod mss;
 mod python;
@@ -17,9 +18,14 @@ use serde::Serialize;
 use super::lost::{Difference, Lost, differences, of_formulas, without};
 use super::model::{Absent, ModelError, Written, written};
 
+/// Name of the library that an FMU holds, without the system's prefix and ending.
+pub const FMU_LIBRARY: &str = hydroline_fmu::IDENTIFIER;
+
 /// A language or a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
+    /// An FMU for co-simulation, FMI 3.0.
+    Fmu,
     /// A Python function without dependencies.
     Python,
     /// A CasADi function, in Python.
@@ -34,7 +40,8 @@ pub enum Target {
 
 impl Target {
     /// All of them.
-    pub const ALL: [Target; 5] = [
+    pub const ALL: [Target; 6] = [
+        Target::Fmu,
         Target::Sdf,
         Target::Urdf,
         Target::Mss,
@@ -45,6 +52,7 @@ impl Target {
     /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
+            Target::Fmu => "fmu",
             Target::Python => "python",
             Target::Casadi => "casadi",
             Target::Mss => "mss",
@@ -91,6 +99,8 @@ pub struct About<'a> {
     pub ranges: &'a [Range],
     /// Name of a function, where the target's file has to have one.
     pub function: &'a str,
+    /// The library of an FMU; `None` = it was not found.
+    pub library: Option<&'a [u8]>,
 }
 
 /// Writes a rig's model for a target.
@@ -99,9 +109,31 @@ pub struct About<'a> {
 /// [`ModelError`].
 pub fn export(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, ModelError> {
     match target {
+        Target::Fmu => co_simulation(rig, about),
         Target::Python | Target::Casadi | Target::Mss => formulas(rig, target, about),
         Target::Sdf | Target::Urdf => simulator(rig, target, about),
     }
+}
+
+/// Our own simulator in another's hands.
+fn co_simulation(rig: &Rig, about: &About<'_>) -> Result<Export, ModelError> {
+    let model = written(rig)?;
+    let mut lost = of_formulas(&model);
+    // The library holds commands back itself.
+    let delays = model.absent.iter().filter(|a| a.1 == Absent::Delay);
+    let delays: Vec<&String> = delays.map(|a| &a.0).collect();
+    lost.retain(|l| !delays.contains(&&l.what));
+    let mut held = model.held.clone();
+    held.extend(delays.into_iter().cloned());
+    let mut head = header::lines(rig, &held, &lost, &[], about);
+    head.extend(curves(rig));
+    Ok(Export {
+        bytes: fmu::bytes(rig, about, &head)?,
+        held,
+        lost,
+        differences: Vec::new(),
+        changed: Vec::new(),
+    })
 }
 
 /// A language, in which the laws are formulas.

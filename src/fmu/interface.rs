@@ -363,6 +363,17 @@ unused! {
     fmi3SetShiftDecimal,
     fmi3SetShiftFraction,
     fmi3GetOutputDerivatives,
+    fmi3EnterContinuousTimeMode,
+    fmi3CompletedIntegratorStep,
+    fmi3SetTime,
+    fmi3SetContinuousStates,
+    fmi3GetContinuousStates,
+    fmi3GetContinuousStateDerivatives,
+    fmi3GetNominalsOfContinuousStates,
+    fmi3GetEventIndicators,
+    fmi3GetNumberOfEventIndicators,
+    fmi3GetNumberOfContinuousStates,
+    fmi3ActivateModelPartition,
 }
 
 /// Only co-simulation: null.

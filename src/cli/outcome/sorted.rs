@@ -15,6 +15,8 @@ use hydroline_daemon::simulate::SimulateError;
 use hydroline_diagnose::DiagnoseError;
 use hydroline_diagnose::profiles::ImageError;
 use hydroline_estimate::EstimateError;
+use hydroline_exchange::draws::DrawError;
+use hydroline_exchange::model::ModelError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::predict::PredictError;
@@ -271,6 +273,8 @@ sorted! {
     },
     RigError: |_| true,
     FittedError: |_| true,
+    ModelError: |_| true,
+    DrawError: |_| true,
     PrimeError: |_| true,
     UseError: |_| true,
     MapError: |_| true,

@@ -39,11 +39,11 @@ fn order(model: &Written) -> Vec<usize> {
 }
 
 const HELPERS: &str = r"
-function y = chosen(x, negative, otherwise)
+function y = chosen(x, below, above)
 if x < 0
-    y = negative;
+    y = below;
 else
-    y = otherwise;
+    y = above;
 end
 end
 ";

@@ -12,6 +12,7 @@ const ABOUT: About<'static> = About {
     made_by: "a test",
     ranges: &[],
     function: "model",
+    library: None,
 };
 const STEP_S: f64 = 0.02;
 

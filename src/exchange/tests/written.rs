@@ -15,6 +15,7 @@ const ABOUT: About<'static> = About {
     made_by: "a test",
     ranges: &[],
     function: "model",
+    library: None,
 };
 
 /// Relative distance at which nothing is lost.
