@@ -35,6 +35,7 @@ macro_rules! printed {
 /// Every form of every command with --json, in the order of the help.
 pub fn printed() -> Vec<Printed> {
     printed![
+        "rig diff" "" crate::rig::change::Compared<'static>,
         "plan list" "A list." Vec<plan::Listed>,
         "plan design" "" design::Found<'static>,
         "devices" "" devices::Listed<'static>,

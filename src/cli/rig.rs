@@ -1,5 +1,7 @@
 //! `hydroline rig`: a commented rig for one's own vehicle, and what is built in.
 
+pub(super) mod change;
+
 use super::output::Output;
 use super::print::{errln, out, outln};
 use super::{CliError, Outcome, inputs};
@@ -37,6 +39,34 @@ Exit codes: 0 the rig is sound; 2 it is not, or there is none: every mistake wit
         #[arg(long)]
         json: bool,
     },
+    /// Puts values into a rig file, its comments kept; values may have a unit
+    #[command(after_help = "\
+A value may have a unit, which is turned into that of the key and said: \"11500 g\", \"2 kn\", \"30 lbf\". A key's own unit may be left out: \
+vehicle.mass is vehicle.mass_kg. Entries of lists are counted from 0.
+
+Examples:
+  hydroline rig set my.toml vehicle.mass=\"11500 g\" vehicle.surge.added_kg=-5.5 --out new.toml
+  hydroline rig set bluerov2 tank.depth=\"12 ft\" --out my.toml
+
+Exit codes: 0 done; 1 the file cannot be written; 2 no such key, a value that is none or beyond its range, or the file exists.")]
+    Set(change::SetArgs),
+    /// Coefficients from MSS, Gazebo, UUV Simulator or a table into a rig
+    #[command(after_help = "\
+Takes mass, inertia, added mass and damping of each degree of freedom; derivatives that Eq. 1 has no place for are named.
+
+Examples:
+  hydroline rig import model.sdf --rig my.toml --out new.toml
+  hydroline rig import npsauv.m --rig my.toml --prime I --length 5.3 --speed 1.5 --out new.toml
+  hydroline rig import table.csv --rig my.toml --positive --out new.toml
+
+Exit codes: 0 done; 1 the file cannot be written; 2 the file holds no coefficients, or they are of no rig.")]
+    Import(change::ImportArgs),
+    /// Keys in which two rigs differ
+    #[command(after_help = "\
+Examples:
+  hydroline rig diff my.toml fitted.toml
+  hydroline rig diff bluerov2 my.toml --json")]
+    Diff(change::DiffArgs),
     /// Names of the built-in rigs and plans
     #[command(after_help = "\
 Examples:
@@ -66,6 +96,9 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
             let table: toml::Table = toml::from_str(&text).map_err(CliError::config)?;
             outln!("{}", serde_json::json!(table));
         }
+        Command::Set(args) => return change::set(args),
+        Command::Import(args) => return change::import(args),
+        Command::Diff(args) => return change::diff(args),
         Command::Effects => out!("{}", hydroline_sim::effect::markdown_table()),
         Command::List => {
             for name in Rig::builtin_names() {

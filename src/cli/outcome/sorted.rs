@@ -16,6 +16,8 @@ use hydroline_diagnose::DiagnoseError;
 use hydroline_diagnose::profiles::ImageError;
 use hydroline_estimate::EstimateError;
 use hydroline_exchange::draws::DrawError;
+use hydroline_exchange::edit::EditError;
+use hydroline_exchange::foreign::ForeignError;
 use hydroline_exchange::model::ModelError;
 use hydroline_identify::bollard::BollardError;
 use hydroline_identify::data::LoadError;
@@ -273,6 +275,8 @@ sorted! {
     },
     RigError: |_| true,
     FittedError: |_| true,
+    EditError: |_| true,
+    ForeignError: |_| true,
     ModelError: |_| true,
     DrawError: |_| true,
     PrimeError: |_| true,
