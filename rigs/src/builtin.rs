@@ -7,6 +7,8 @@ pub(crate) fn files(kind: &str) -> &'static [(&'static str, &'static str)] {
         "rig" => &[
             ("lshpi", include_str!("../lshpi.toml")),
             ("bench-v4l", include_str!("../bench-v4l.toml")),
+            ("bluerov2", include_str!("../bluerov2.toml")),
+            ("bluerov2-heavy", include_str!("../bluerov2-heavy.toml")),
         ],
         "plan" => &[
             ("surge-4n", include_str!("../plans/surge-4n.toml")),

@@ -36,6 +36,7 @@ pub mod laser;
 pub mod physics;
 pub mod pixel_format;
 pub mod plan;
+pub mod plausible;
 pub mod reference;
 pub mod settings;
 pub mod target;

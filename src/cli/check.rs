@@ -68,6 +68,7 @@ pub(super) struct Checked<'a> {
 pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let rig = inputs::rig(&args.rig)?;
     inputs::warn_of_flush(&rig);
+    inputs::warn_of_implausible(&rig);
     let findings = [camera(&rig), line(&rig), clock(), disk(&rig, args)];
     let ready = findings.iter().all(|f| f.ok);
     if args.json {

@@ -101,6 +101,13 @@ pub fn warn_of_flush(rig: &Rig) {
     }
 }
 
+/// Numbers that are allowed but not plausible together.
+pub fn warn_of_implausible(rig: &Rig) {
+    for words in hydroline_rigs::plausible::remarks(rig) {
+        errln!("remark: {words}");
+    }
+}
+
 /// A plan by file or built-in name, checked against the rig that is to run it.
 pub fn plan(argument: &str, rig: &Rig) -> Result<Plan, CliError> {
     let plan = Plan::load_or_builtin(argument)?;

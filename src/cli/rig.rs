@@ -90,11 +90,16 @@ pub fn run(command: &Command) -> Result<Outcome, CliError> {
                 out.display()
             );
         }
-        Command::Show { rig, json: false } => out!("{}", inputs::rig(rig)?.effective_toml),
-        Command::Show { rig, json: true } => {
-            let text = inputs::rig(rig)?.effective_toml;
-            let table: toml::Table = toml::from_str(&text).map_err(CliError::config)?;
-            outln!("{}", serde_json::json!(table));
+        Command::Show { rig, json } => {
+            let rig = inputs::rig(rig)?;
+            inputs::warn_of_implausible(&rig);
+            if *json {
+                let table: toml::Table =
+                    toml::from_str(&rig.effective_toml).map_err(CliError::config)?;
+                outln!("{}", serde_json::json!(table));
+            } else {
+                out!("{}", rig.effective_toml);
+            }
         }
         Command::Set(args) => return change::set(args),
         Command::Import(args) => return change::import(args),

@@ -14,13 +14,23 @@ fn refused(steps: &str, words: &[&str]) {
     }
 }
 
+/// Six thrusters of a BlueROV2 turn it about every axis but pitch: the one plan that asks for that is refused, by its steps.
 #[test]
 fn builtin_plans_fit_the_builtin_rigs() {
-    for rig in Rig::builtin_names() {
-        let rig = Rig::builtin(rig).unwrap_or_else(|e| panic!("{e}"));
+    for name in Rig::builtin_names() {
+        let rig = Rig::builtin(name).unwrap_or_else(|e| panic!("{e}"));
         for plan in Plan::builtin_names() {
             let plan = Plan::builtin(plan).unwrap_or_else(|e| panic!("{e}"));
-            plan.check_against(&rig).unwrap_or_else(|e| panic!("{e}"));
+            let fits = plan.check_against(&rig);
+            if (name, plan.name.as_str()) == ("bluerov2", "mixed-6dof") {
+                let said = fits.expect_err("pitch without a thruster").to_string();
+                assert!(said.starts_with("2 things"), "{said}");
+                for step in ["step[3].wrench", "step[4].wrench"] {
+                    assert!(said.contains(step), "{said}");
+                }
+            } else {
+                fits.unwrap_or_else(|e| panic!("{name}: {e}"));
+            }
         }
     }
 }
