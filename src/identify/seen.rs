@@ -8,8 +8,14 @@ use serde::Serialize;
 
 /// Stretch of positions whose slope is a speed \[s\]: long enough for the noise of poses, short beside a vehicle's time constants.
 const SLOPE_S: f64 = 0.4;
-/// Share of the largest speed that the motion has to pass on the other side of rest to have turned: less is noise.
+/// Share of the largest speed that the motion has to pass on the other side of rest to have turned: less is a tremor on its way.
 const TURNED: f64 = 0.15;
+/// Standard deviations of the speed that it has to pass, too: 5 are in none of 10^6 samples of noise.
+const BEYOND_NOISE: f64 = 5.0;
+/// Median of the size of a normal number, in standard deviations.
+const MEDIAN_SIZE: f64 = 0.674_489_750_196_082;
+/// Rounding of sums, as a share of the largest value.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Turns from which motion goes back and forth: one and a half periods between the first and the last.
 const TURNS: usize = 4;
 
@@ -26,16 +32,41 @@ pub struct Seen {
 
 /// Motion by DOF, of those that were measured.
 pub fn seen(run: &Run) -> BTreeMap<String, Seen> {
-    let of = |dof: Dof| Some((dof.name().to_owned(), of_speeds(&speeds(run, dof)?)?));
+    let of = |dof: Dof| {
+        let (speeds, sd) = speeds(run, dof)?;
+        Some((dof.name().to_owned(), of_speeds(&speeds, sd)?))
+    };
     Dof::ALL.into_iter().filter_map(of).collect()
 }
 
-/// Speeds of a DOF over time (time \[s\], speed): measured, else slopes of the pose; `None` = neither is measured.
-fn speeds(run: &Run, dof: Dof) -> Option<Vec<(f64, f64)>> {
+/// Speeds over time (time \[s\], speed), and the standard deviation of their noise.
+type Speeds = (Vec<(f64, f64)>, f64);
+
+/// Samples of a channel that are numbers.
+fn measured(run: &Run, channel: Channel) -> Vec<(f64, f64)> {
+    let all = run.samples.iter().map(|s| (s.t_s, s.values[channel]));
+    all.filter(|s| s.1.is_finite()).collect()
+}
+
+/// Standard deviation of white noise on samples, by the median of their second differences.
+fn noise_sd(samples: &[(f64, f64)]) -> f64 {
+    let mut sizes: Vec<f64> = samples
+        .windows(3)
+        .map(|w| (w[0].1 - 2.0 * w[1].1 + w[2].1).abs())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let largest = samples.iter().map(|s| s.1.abs()).fold(0.0, f64::max);
+    (median / (MEDIAN_SIZE * 6f64.sqrt())).max(ROUNDING * largest)
+}
+
+/// Speeds of a DOF: measured, else slopes of the pose; `None` = neither is measured.
+fn speeds(run: &Run, dof: Dof) -> Option<Speeds> {
     let [pose, rate] = Channel::of(dof.index());
     if run.has(rate) {
-        let measured = run.samples.iter().map(|s| (s.t_s, s.values[rate]));
-        return Some(measured.filter(|s| s.1.is_finite()).collect());
+        let samples = measured(run, rate);
+        let sd = noise_sd(&samples);
+        return Some((samples, sd));
     }
     run.has(pose).then(|| match dof {
         Dof::Surge | Dof::Sway => along_heading(run, dof),
@@ -44,12 +75,12 @@ fn speeds(run: &Run, dof: Dof) -> Option<Vec<(f64, f64)>> {
 }
 
 /// Surge or sway of positions in the tank, turned into the heading where both positions and the heading are measured.
-fn along_heading(run: &Run, dof: Dof) -> Vec<(f64, f64)> {
+fn along_heading(run: &Run, dof: Dof) -> Speeds {
     let all = [Channel::X, Channel::Y, Channel::Psi];
     if !all.iter().all(|c| run.has(*c)) {
         return slopes(run, Channel::of(dof.index())[0]);
     }
-    let (x, y) = (slopes(run, Channel::X), slopes(run, Channel::Y));
+    let ((x, x_sd), (y, y_sd)) = (slopes(run, Channel::X), slopes(run, Channel::Y));
     let heading = |t_s: f64| {
         let after = run.samples.partition_point(|s| s.t_s < t_s);
         let known = |s: &&Sample| s.values[Channel::Psi].is_finite();
@@ -70,13 +101,12 @@ fn along_heading(run: &Run, dof: Dof) -> Vec<(f64, f64)> {
             turned.push((t_s, speed));
         }
     }
-    turned
+    (turned, x_sd.max(y_sd))
 }
 
-/// Slopes of a channel by straight lines through its samples about each of them.
-fn slopes(run: &Run, channel: Channel) -> Vec<(f64, f64)> {
-    let measured = run.samples.iter().map(|s| (s.t_s, s.values[channel]));
-    let samples: Vec<(f64, f64)> = measured.filter(|s| s.1.is_finite()).collect();
+/// Slopes of a channel by straight lines through its samples about each of them; their noise is that of the line of median length.
+fn slopes(run: &Run, channel: Channel) -> Speeds {
+    let samples = measured(run, channel);
     let slope = |(t_s, _): &(f64, f64)| {
         let from = samples.partition_point(|s| s.0 < t_s - 0.5 * SLOPE_S);
         let to = samples.partition_point(|s| s.0 <= t_s + 0.5 * SLOPE_S);
@@ -86,14 +116,18 @@ fn slopes(run: &Run, channel: Channel) -> Vec<(f64, f64)> {
         let mean = near.iter().map(|s| s.1).sum::<f64>() / n;
         let spread: f64 = near.iter().map(|s| (s.0 - mean_t).powi(2)).sum();
         let moved: f64 = near.iter().map(|s| (s.0 - mean_t) * (s.1 - mean)).sum();
-        (near.len() > 2 && spread > 0.0).then(|| (*t_s, moved / spread))
+        (near.len() > 2 && spread > 0.0).then(|| ((*t_s, moved / spread), spread))
     };
-    samples.iter().filter_map(slope).collect()
+    let (slopes, mut spreads): (Vec<_>, Vec<_>) = samples.iter().filter_map(slope).unzip();
+    spreads.sort_by(f64::total_cmp);
+    let spread = spreads.get(spreads.len() / 2).copied();
+    (slopes, noise_sd(&samples) / spread.unwrap_or(1.0).sqrt())
 }
 
-/// `None` without any speed.
-fn of_speeds(speeds: &[(f64, f64)]) -> Option<Seen> {
+/// `None` without any speed; `sd` = that of the speeds' noise.
+fn of_speeds(speeds: &[(f64, f64)], sd: f64) -> Option<Seen> {
     let speed = speeds.iter().map(|s| s.1.abs()).reduce(f64::max)?;
+    let other_side = (TURNED * speed).max(BEYOND_NOISE * sd);
     let mut turns: Vec<f64> = Vec::new();
     let mut ways = Vec::new();
     let (mut side, mut way, mut crossed_s) = (0.0, 0.0, speeds[0].0);
@@ -102,7 +136,7 @@ fn of_speeds(speeds: &[(f64, f64)]) -> Option<Seen> {
         if v0 * v1 < 0.0 || v0 == 0.0 {
             crossed_s = t0 + (t1 - t0) * v0.abs() / (v0.abs() + v1.abs()).max(f64::MIN_POSITIVE);
         }
-        if v1.abs() > TURNED * speed && v1.signum() != side {
+        if v1.abs() > other_side && v1.signum() != side {
             if side != 0.0 {
                 turns.push(crossed_s);
                 ways.push(way);
@@ -174,6 +208,29 @@ mod tests {
         assert!(of["sway"].speed < 1e-9, "{of:?}");
         assert_eq!(of["surge"].amplitude, None);
         assert_eq!(of["yaw"].frequency_hz, None);
+    }
+
+    /// Noise of a pose at rest and of a rate: neither swings.
+    #[test]
+    fn noise_alone_goes_nowhere_and_back() {
+        // Splitmix64 of the sample's number: uniform in -1 .. 1.
+        let noise = |t: f64, seed: u64| {
+            let k = (25.0 * t).round() as u64 + seed;
+            let z = k.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            (z ^ (z >> 31)) as f64 / 2f64.powi(63) - 1.0
+        };
+        let still = run(|t| {
+            let mut v = PerChannel::NAN;
+            v[Channel::Psi] = 0.3 + 1e-3 * noise(t, 1);
+            v[Channel::W] = 2e-3 * noise(t, 1000);
+            v
+        });
+        let of = seen(&still);
+        assert_eq!(of["yaw"].frequency_hz, None, "{of:?}");
+        assert_eq!(of["heave"].amplitude, None, "{of:?}");
+        assert!(of["yaw"].speed < 0.01, "{of:?}");
     }
 
     #[test]
