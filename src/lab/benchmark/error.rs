@@ -4,7 +4,7 @@ use hydroline_rigs::RigError;
 use hydroline_sim::effect::EffectError;
 
 use hydroline_diagnose::DiagnoseError;
-use hydroline_identify::IdentifyError;
+use hydroline_estimate::EstimateError;
 use hydroline_identify::data::LoadError;
 use hydroline_plan::setpoint::SetpointError;
 use hydroline_sim::ThrustError;
@@ -36,9 +36,9 @@ pub enum ProveError {
     Trajectory(#[from] TrajectoryError),
     #[error(transparent)]
     Load(#[from] LoadError),
-    /// Plain least squares of the vehicle alone.
+    /// Maximum likelihood of the vehicle alone.
     #[error(transparent)]
-    Identify(#[from] IdentifyError),
+    Estimate(#[from] EstimateError),
     #[error("{id}: {source}")]
     Diagnose { id: String, source: DiagnoseError },
     #[error("image-{index}: {reason}")]

@@ -122,8 +122,6 @@ pub struct CoupledCase {
     pub water: Rig,
     /// Noise and losses of its measurement.
     pub disturbance: Disturbance,
-    /// Stamps of the outliers of each run \[s\].
-    pub outliers_s: Vec<Vec<f64>>,
 }
 
 /// A run as its log holds it, and what only the key knows of it.
@@ -135,14 +133,6 @@ pub(in crate::benchmark) struct Measured {
     pub motion: Vec<PerChannel<f64>>,
     /// Whether x of each sample is an outlier.
     pub is_outlier: Vec<bool>,
-}
-
-impl Measured {
-    /// Stamps of the outliers \[s\].
-    pub fn outliers_s(&self) -> Vec<f64> {
-        let flagged = self.source.run.samples.iter().zip(&self.is_outlier);
-        flagged.filter(|f| *f.1).map(|f| f.0.t_s).collect()
-    }
 }
 
 impl CoupledCase {
@@ -378,7 +368,6 @@ pub fn make(seed: u64, index: usize) -> Result<CoupledCase, ProveError> {
         return Ok(CoupledCase {
             index,
             instruments,
-            outliers_s: measured.iter().map(Measured::outliers_s).collect(),
             sources: measured.into_iter().map(|m| m.source).collect(),
             rig: given,
             rig_factor,

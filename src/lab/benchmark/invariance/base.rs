@@ -1,7 +1,7 @@
 //! Cases as they are: those of the other proofs, without runs held out.
 
 use hydroline_diagnose::Source;
-use hydroline_rigs::{Rig, Vehicle};
+use hydroline_rigs::Rig;
 
 use crate::benchmark::case::{self, Category};
 use crate::benchmark::coupled;
@@ -23,8 +23,6 @@ const KINDS: [Category; 6] = [
 pub struct Given {
     /// Its log.
     pub source: Source,
-    /// Stamps of the outliers of x \[s\].
-    pub outliers_s: Vec<f64>,
     /// Messages of its log, of cases that are made of messages.
     pub(super) recorded: Option<Recorded>,
 }
@@ -38,8 +36,6 @@ pub struct Base {
     pub of: String,
     /// The rig file.
     pub rig: Rig,
-    /// The vehicle as it is: there a plain fit begins.
-    pub vehicle: Vehicle,
     /// Runs that are given.
     pub given: Vec<Given>,
 }
@@ -60,16 +56,14 @@ pub fn make(seed: u64, index: usize) -> Result<Base, ProveError> {
         // Of the coupled cases' even numbers none has an effect.
         let nth = index / 3 + 1;
         let case = coupled::make(seed, nth)?;
-        let runs = case.sources.into_iter().zip(case.outliers_s);
+        let runs = case.sources.into_iter();
         return Ok(Base {
             index,
             of: format!("coupled-{nth}"),
             rig: case.rig,
-            vehicle: case.water.vehicle,
             given: runs
-                .map(|(source, outliers_s)| Given {
+                .map(|source| Given {
                     source,
-                    outliers_s,
                     recorded: None,
                 })
                 .collect(),
@@ -78,19 +72,14 @@ pub fn make(seed: u64, index: usize) -> Result<Base, ProveError> {
     let kind = KINDS[(index - index / 3) % KINDS.len()];
     let case = case::make(seed, kind, index)?;
     let given = case.sealed.sources.into_iter().zip(case.key.runs);
-    let given = given.map(|(source, run)| {
-        let flagged = run.times_s.iter().zip(&run.outlier);
-        Given {
-            source,
-            outliers_s: flagged.filter(|f| *f.1).map(|f| *f.0).collect(),
-            recorded: Some(run),
-        }
+    let given = given.map(|(source, run)| Given {
+        source,
+        recorded: Some(run),
     });
     Ok(Base {
         index,
         of: case.id,
         rig: case.sealed.rig,
-        vehicle: case.key.tank.vehicle,
         given: given.collect(),
     })
 }

@@ -125,7 +125,6 @@ impl Base {
         match variant {
             Variant::Scaled => {
                 made.rig = scaled(&self.rig);
-                scale_vehicle(&mut made.vehicle);
                 let each = self.given.iter().cloned();
                 let each = each.map(|g| scaled_run(g, &made.rig));
                 made.given = each.collect::<Result<_, _>>()?;
