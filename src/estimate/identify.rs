@@ -1,6 +1,6 @@
 //! The whole way from runs to parameters with their uncertainty.
 
-use hydroline_core::run::Run;
+use hydroline_core::run::{Channel, Run};
 use hydroline_identify::Identification;
 use hydroline_identify::blind::blind_spots;
 use hydroline_identify::data::{before_the_first_load, is_still, stretched};
@@ -57,7 +57,7 @@ pub fn identify(
     };
     let mut result = concluding.result(&moving);
     note_covariances(&moving, &mut result);
-    note_rest(&at_rest, &mut result);
+    note_rest(&at_rest, &asked.dofs, &mut result);
     if options.budget {
         (options.progress)("uncertainty budget");
         add_budget(&mut result, (&fitted, &numbers), &asked, rig);
@@ -127,9 +127,11 @@ fn note_covariances(moving: &[Run], result: &mut Identification) {
     }
 }
 
-/// Says which stretches at rest measured the noise.
-fn note_rest(at_rest: &AtRest, result: &mut Identification) {
+/// Says which stretches at rest measured the noise of a channel of these DOFs.
+fn note_rest(at_rest: &AtRest, dofs: &[Dof], result: &mut Identification) {
     for r in &at_rest.stretches {
+        let mut channels = dofs.iter().flat_map(|d| Channel::of(d.index()));
+        let is_used = channels.any(|c| r.measures[c]);
         result.notes.push(format!(
             "{}: at rest for {:.0} s{}, {}",
             r.run,
@@ -139,7 +141,7 @@ fn note_rest(at_rest: &AtRest, result: &mut Identification) {
             } else {
                 ""
             },
-            if r.measures {
+            if is_used {
                 "used as the measurement of the noise: the least that it is in motion"
             } else {
                 "not used: it measured nothing that these equations are fitted to"

@@ -25,8 +25,8 @@ pub struct Resting {
     pub length_s: f64,
     /// Whether it is what came before the first load of a run that was driven.
     pub is_opening: bool,
-    /// Whether it measured any channel that is asked.
-    pub measures: bool,
+    /// Channels of which it measured enough.
+    pub measures: PerChannel<bool>,
 }
 
 /// Noise at rest.
@@ -69,10 +69,8 @@ impl AtRest {
             all.filter(|s| s.1.is_finite()).collect()
         };
         let asked = |c: &Channel| recording.channels[*c];
-        let measures = |run: usize| {
-            let enough = |c: Channel| samples(run, c).len() >= SAMPLES_MIN;
-            Channel::ALL.into_iter().filter(asked).any(enough)
-        };
+        let measures =
+            |run: usize| PerChannel::from_fn(|c| asked(&c) && samples(run, c).len() >= SAMPLES_MIN);
         let channels = PerChannel::from_fn(|c| {
             let each = (0..rest.runs.len()).map(|run| samples(run, c));
             let each: Vec<_> = each.filter(|s| s.len() >= SAMPLES_MIN).collect();

@@ -393,7 +393,10 @@ fn a_fit_goes_into_a_rig_with_its_sd_and_predict_uses_it() {
         let i = known.coefficients.iter().position(|k| k == key).unwrap();
         assert_eq!(parameter["value"].as_f64(), Some(value), "{key}");
         assert_eq!(known.values[i], value);
-        assert!((known.sd[i] / parameter["sd"].as_f64().unwrap() - 1.0).abs() < 1e-9);
+        // With all of the budget, of which the samples' scatter is a part.
+        let combined = parameter["combined_sd"].as_f64().unwrap();
+        assert!((known.sd[i] / combined - 1.0).abs() < 1e-9);
+        assert!(combined > parameter["sd"].as_f64().unwrap());
         assert!((known.covariance[i][i] - known.sd[i].powi(2)).abs() < 1e-9 * known.sd[i].powi(2));
     }
     // Coefficients that were not fitted stay.
