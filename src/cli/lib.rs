@@ -64,6 +64,7 @@ mod rig;
 mod rigging;
 mod sim_controller;
 mod simulate;
+mod system;
 mod target;
 #[cfg(test)]
 mod tests;

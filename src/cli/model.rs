@@ -250,7 +250,13 @@ pub(super) fn models(rig: &Rig, from: Option<&Path>) -> Result<Vec<Weighted>, Cl
             )?;
             Ok(draws::of_json(&text, &path.display().to_string())?)
         }
-        None => Ok(draws::of_rig(rig)?),
+        None => {
+            let source = rig.identified.as_ref().and_then(|k| k.source.as_ref());
+            if let Some(source) = source {
+                errln!("note: the draws are of no run of this vehicle: {source}");
+            }
+            Ok(draws::of_rig(rig)?)
+        }
     }
 }
 
