@@ -281,10 +281,7 @@ fn draw(args: &Args, rig: &Rig) -> Result<Outcome, CliError> {
             )));
         }
     };
-    let each = drawn.iter().enumerate();
-    let refused = each
-        .filter(|(k, d)| draws::applied(rig, &models, d, k + 1, args.seed).is_err())
-        .count();
+    let refused = draws::refused(rig, &models, &drawn);
     args.output.write(&args.out, bytes)?;
     if refused > 0 {
         errln!(

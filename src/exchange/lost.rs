@@ -7,7 +7,7 @@ use hydroline_sim::effect::check;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::model::{Absent, Written, name_of};
+use super::model::{Written, name_of};
 
 /// Plans over which exports are compared: a push, reversals, all degrees of freedom at once; of each the first that the rig runs.
 const PLANS: [&[&str]; 3] = [
@@ -50,18 +50,9 @@ pub struct Difference {
 
 /// The reasons of effects that formulas do not hold.
 pub fn of_formulas(model: &Written) -> Vec<Lost> {
-    let why = |absent: Absent| match absent {
-        Absent::OfMeasurement => "acts between motion and measurement: no part of the vehicle",
-        Absent::Idle => {
-            "changes no rate: it needs what is measured beside the motion (shaft speed, fin angles, waves), or Eq. 1 has it already"
-        }
-        Absent::Delay => {
-            "rates know no past: hold commands back by the delay that is written beside them"
-        }
-    };
     let absent = model.absent.iter();
     absent
-        .map(|(name, reason)| Lost::new(name, why(*reason)))
+        .map(|(name, reason)| Lost::new(name, reason.words()))
         .collect()
 }
 
