@@ -18,6 +18,14 @@ pub(crate) fn files(kind: &str) -> &'static [(&'static str, &'static str)] {
             ("coast-down", include_str!("../plans/coast-down.toml")),
             ("two-tone", include_str!("../plans/two-tone.toml")),
             ("mixed-6dof", include_str!("../plans/mixed-6dof.toml")),
+            (
+                "bluerov2-mixed",
+                include_str!("../plans/bluerov2-mixed.toml"),
+            ),
+            (
+                "bluerov2-heavy-mixed",
+                include_str!("../plans/bluerov2-heavy-mixed.toml"),
+            ),
         ],
         "target" => &[
             ("hexagons", include_str!("../targets/hexagons.toml")),

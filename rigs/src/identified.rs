@@ -4,7 +4,8 @@ use nalgebra::DMatrix;
 
 use crate::Dof;
 use crate::error::{ProblemKind, nearest};
-use crate::raw::{Item, Section, list, number, one, rows};
+use crate::raw::{Item, Kind, Section, list, number, one, rows, text};
+use crate::response::is_source;
 
 /// Rounding in a covariance that went through files and inverses, as a share of the sds concerned.
 const ROUNDING: f64 = 1e-6;
@@ -26,6 +27,19 @@ table! {
         pub sd: Vec<f64> = list(number(0.0, 1e15, "SI"), "one standard deviation per coefficient, SI"),
         /// Their covariance, one row per coefficient.
         pub covariance: Vec<Vec<f64>> = rows(number(-1e15, 1e15, "SI"), "one list of covariances per coefficient, SI"),
+        /// Where values and sds come from when they are no identification of this vehicle, as the spread of published sets; each
+        /// command that uses them says it. Omitted: `identify` found them.
+        pub source: Option<String> = text(
+            "a text of 1 to 400 letters that says where these numbers come from, like \"spread of two published sets\"",
+            is_source,
+        ).optional(),
+    }
+}
+
+impl Identified {
+    /// Whether runs of this vehicle gave the numbers: a plan need not leave room for another vehicle then.
+    pub fn is_measured(&self) -> bool {
+        self.source.is_none()
     }
 }
 
@@ -188,6 +202,7 @@ mod tests {
                 vec![1.5, 4.0, 0.0],
                 vec![0.0, 0.0, 0.0],
             ],
+            source: None,
         });
         rig
     }
@@ -245,6 +260,23 @@ mod tests {
             let mut wrong = sound.clone();
             change(wrong.identified.as_mut().unwrap());
             tells(&read(&wrong).unwrap_err(), words);
+        }
+    }
+
+    #[test]
+    fn numbers_that_no_run_gave_say_where_they_come_from() {
+        let mut rig = rig();
+        let known = rig.identified.as_mut().unwrap();
+        assert!(known.is_measured());
+        known.source = Some("spread of two published sets".into());
+        let read = Rig::from_toml(&rig.to_toml(), "r.toml", None).unwrap();
+        assert_eq!(read.identified, rig.identified);
+        rig.identified.as_mut().unwrap().source = Some("two\nlines".into());
+        let refused = Rig::from_toml(&rig.to_toml(), "r.toml", None).unwrap_err();
+        tells(&refused, &["identified.source", "1 to 400 letters"]);
+        for name in ["bluerov2", "bluerov2-heavy"] {
+            let known = Rig::builtin(name).unwrap().identified.unwrap();
+            assert!(!known.is_measured(), "{name}");
         }
     }
 

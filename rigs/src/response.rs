@@ -2,8 +2,14 @@
 
 use crate::raw::{Kind, Section, Writer, number, text, whole};
 
-/// Longest text that says where a response comes from.
+/// Longest text that says where numbers come from.
 const SOURCE_MOST: usize = 400;
+
+/// Whether a text says where numbers come from: one line, not empty, not too long.
+pub(crate) fn is_source(text: &str) -> bool {
+    let plain = !text.trim().is_empty() && !text.chars().any(char::is_control);
+    plain && text.chars().count() <= SOURCE_MOST
+}
 
 table! {
     /// Response of the camera, where it is known: g = b + 255 (L/255)^γ with L = light and g = grey level; `hydroline flat`
@@ -33,10 +39,7 @@ table! {
         /// Where these numbers come from, in words.
         pub source: String = text(
             "a text of 1 to 400 letters that says where these numbers come from, like \"data sheet\" or \"hydroline flat, 2026-11-26\"",
-            |text| {
-                let plain = !text.trim().is_empty() && !text.chars().any(char::is_control);
-                plain && text.chars().count() <= SOURCE_MOST
-            },
+            is_source,
         ),
     }
 }

@@ -10,6 +10,7 @@
 //! table    one row per run, day and vehicle: CSV and JSON lines
 //! page     the same to look at
 //! overlay  runs of one plan drawn over each other
+//! publish  runs as a data set for another group: card, list of runs, tables in SI
 //! ```
 //!
 //! A sheet depends on the content of its logs, the rig in them, the build, and nothing else: it is never out of date,
@@ -24,6 +25,7 @@ pub mod group;
 pub mod kind;
 pub mod overlay;
 pub mod page;
+pub mod publish;
 pub mod sheet;
 pub mod store;
 pub mod survey;

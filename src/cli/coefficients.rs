@@ -1,6 +1,7 @@
 //! `hydroline coefficients`: coefficients as a paper prints them.
 
 use super::print::{self, errln, out};
+use super::system::System;
 use super::{CliError, Outcome, inputs};
 use clap::ValueEnum;
 use hydroline_coefficients::froude::Scale;
@@ -22,30 +23,6 @@ enum Format {
     Json,
 }
 
-/// A prime system by its name.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum System {
-    /// rho L3 / 2, L, L / U
-    #[value(name = "I")]
-    I,
-    /// rho L2 T / 2, L, L / U
-    #[value(name = "II")]
-    II,
-    /// m, L, sqrt(L / g): needs no speed, for vehicles that hover
-    #[value(name = "bis")]
-    Bis,
-}
-
-impl From<System> for Prime {
-    fn from(system: System) -> Prime {
-        match system {
-            System::I => Prime::I,
-            System::II => Prime::II,
-            System::Bis => Prime::Bis,
-        }
-    }
-}
-
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Coefficients of a rig (with the uncertainty in its [identified]), or of a result: dimensional, in a prime system (SNAME I and II, \
@@ -63,8 +40,8 @@ pub struct Args {
     /// Rig (.toml, or a built-in name), or what identify --json or diagnose --json printed
     #[arg(value_name = "FITTED")]
     fitted: String,
-    /// With a result: the rig it is of, for the vehicle's mass and gravity
-    #[arg(long, value_name = "RIG")]
+    /// With a result and --length: the rig it is of, for the vehicle's mass and gravity
+    #[arg(long, value_name = "RIG", requires = "length")]
     rig: Option<String>,
     /// Prime system
     #[arg(long, value_enum, value_name = "SYSTEM", ignore_case = true)]
@@ -73,22 +50,22 @@ pub struct Args {
     #[arg(long, value_name = "M", value_parser = inputs::positive)]
     length: Option<f64>,
     /// Reference speed U [m/s], of I and II
-    #[arg(long, value_name = "M/S", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M/S", value_parser = inputs::positive, requires = "length")]
     speed: Option<f64>,
     /// Draught T [m], of II; of a body under water its height
-    #[arg(long, value_name = "M", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M", value_parser = inputs::positive, requires = "length")]
     draught: Option<f64>,
     /// Mass of the vehicle [kg], of bis; without it the rig's
-    #[arg(long, value_name = "KG", value_parser = inputs::positive)]
+    #[arg(long, value_name = "KG", value_parser = inputs::positive, requires = "length")]
     mass: Option<f64>,
     /// Density of the water [kg/m3]
     #[arg(long, value_name = "KG/M3", value_parser = inputs::positive, default_value = "1000")]
     rho: f64,
     /// Kinematic viscosity of the water [m2/s]; default: fresh water at 20 °C
-    #[arg(long, value_name = "M2/S", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M2/S", value_parser = inputs::positive, requires = "length")]
     viscosity: Option<f64>,
     /// Gravitational acceleration [m/s2]; without it the rig's, else 9.81
-    #[arg(long, value_name = "M/S2", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M/S2", value_parser = inputs::positive, requires = "length")]
     gravity: Option<f64>,
     /// Another size: its length over that of this vehicle, as 7.5
     #[arg(long, value_name = "S", value_parser = inputs::positive)]
@@ -130,6 +107,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             factor,
             density_ratio: args.scaled_rho.map_or(1.0, |rho| rho / args.rho),
         }),
+        density_kgpm3: Some(args.rho),
         viscosity_m2ps: args.viscosity,
     };
     let table = Table::new(&fitted, &asked)?;

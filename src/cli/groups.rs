@@ -22,6 +22,7 @@ pub const GROUPS: &[(&str, &[&str])] = &[
             "predict",
             "model",
             "campaign",
+            "publish",
         ],
     ),
     ("Simulation and proof", &["simulate", "reproduce", "prove"]),

@@ -55,6 +55,7 @@ pub mod printed;
 mod progress;
 #[cfg(feature = "lab")]
 mod prove;
+mod publish;
 mod record;
 mod remembered;
 mod replay;
@@ -64,6 +65,7 @@ mod rig;
 mod rigging;
 mod sim_controller;
 mod simulate;
+mod system;
 mod target;
 #[cfg(test)]
 mod tests;
@@ -211,6 +213,8 @@ Examples:
     Reproduce(reproduce::Args),
     /// Many logs: grouped, examined, fitted, compared
     Campaign(campaign::Args),
+    /// Runs as a data set for another group: data card, list of runs, tables in SI
+    Publish(publish::Args),
     /// Sealed cases, diagnosed blind, beside an ideal observer
     #[cfg(feature = "lab")]
     Prove(prove::Args),
@@ -293,6 +297,7 @@ impl Cli {
             #[cfg(feature = "lab")]
             Command::Reproduce(args) => reproduce::run(&args),
             Command::Campaign(args) => campaign::run(&args, build),
+            Command::Publish(args) => publish::run(&args, build),
             #[cfg(feature = "lab")]
             Command::Prove(args) => prove::run(&args, build),
             Command::Completions(args) => completions::run(&args, build),

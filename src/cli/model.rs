@@ -250,7 +250,13 @@ pub(super) fn models(rig: &Rig, from: Option<&Path>) -> Result<Vec<Weighted>, Cl
             )?;
             Ok(draws::of_json(&text, &path.display().to_string())?)
         }
-        None => Ok(draws::of_rig(rig)?),
+        None => {
+            let source = rig.identified.as_ref().and_then(|k| k.source.as_ref());
+            if let Some(source) = source {
+                errln!("note: the draws are of no run of this vehicle: {source}");
+            }
+            Ok(draws::of_rig(rig)?)
+        }
     }
 }
 
@@ -275,10 +281,7 @@ fn draw(args: &Args, rig: &Rig) -> Result<Outcome, CliError> {
             )));
         }
     };
-    let each = drawn.iter().enumerate();
-    let refused = each
-        .filter(|(k, d)| draws::applied(rig, &models, d, k + 1, args.seed).is_err())
-        .count();
+    let refused = draws::refused(rig, &models, &drawn);
     args.output.write(&args.out, bytes)?;
     if refused > 0 {
         errln!(

@@ -108,6 +108,13 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
             "no band: the rig's coefficients carry no uncertainty; give --identified (hydroline identify LOG... --json), or a rig that identify --write-rig wrote"
         );
     }
+    let of_rig = rig
+        .identified
+        .as_ref()
+        .filter(|_| args.identified.is_none());
+    if let Some(source) = of_rig.and_then(|k| k.source.as_ref()) {
+        errln!("note: the band is of no run of this vehicle: {source}");
+    }
     if !made.without_uncertainty.is_empty() {
         errln!(
             "note: the band is too narrow where {} are not as the rig says: they carry no uncertainty, and this plan moves their degrees of freedom; identify runs that excite them",

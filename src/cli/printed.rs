@@ -2,7 +2,7 @@
 
 use crate::{
     calibrate, check, design, devices, export, extract, flat, import, log_tools, model, plan,
-    predict, prove, record, replay, reproduce, simulate,
+    predict, prove, publish, record, replay, reproduce, simulate,
 };
 use hydroline_diagnose::verdict::Verdict;
 use hydroline_identify::Identification;
@@ -62,6 +62,7 @@ pub fn printed() -> Vec<Printed> {
         "diagnose" "The same is in `diagnose.json` of --report." Verdict,
         "predict" "" predict::Printed<'static>,
         "model" "" model::Printed<'static>,
+        "publish" "" publish::Printed<'static>,
         "simulate" "" simulate::Printed<'static>,
         "reproduce" "figure12, figure13, figure17; NAME = figure." reproduce::Printed<'static, paper::Figure>,
         "reproduce" "table3; NAME = table3." reproduce::Printed<'static, Vec<paper::Row>>,

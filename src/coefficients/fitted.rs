@@ -37,6 +37,8 @@ pub struct Fitted {
     pub gravity_mps2: Option<f64>,
     /// Motion of each run by DOF, where the source says it.
     pub runs: Vec<(String, Vec<(Dof, Seen)>)>,
+    /// Where the uncertainty comes from when runs of the vehicle did not give it, as the spread of published sets.
+    pub basis: Option<String>,
     /// What the source does not hold, with the next step; one sentence each.
     pub missing: Vec<String>,
 }
@@ -118,6 +120,10 @@ impl Fitted {
         if known.is_none() {
             missing.push("no uncertainty: the rig has no [identified]; hydroline identify LOG... --write-rig writes one".to_owned());
         }
+        let basis = rig.identified.as_ref().and_then(|k| k.source.clone());
+        if let Some(basis) = &basis {
+            missing.push(format!("the intervals are of no run of this vehicle: {basis}; hydroline identify LOG... --write-rig puts measured ones there"));
+        }
         missing.push("no speeds, amplitudes and frequencies: a rig does not say of which runs its coefficients are; give the result of hydroline identify --json".to_owned());
         Ok(Fitted {
             source: rig.name.clone(),
@@ -125,6 +131,7 @@ impl Fitted {
             mass_kg: Some(rig.vehicle.mass_kg),
             gravity_mps2: Some(rig.vehicle.gravity_mps2),
             runs: Vec::new(),
+            basis,
             missing,
         })
     }
@@ -192,6 +199,7 @@ impl Fitted {
             mass_kg: None,
             gravity_mps2: None,
             runs,
+            basis: None,
             missing,
         })
     }
@@ -218,11 +226,24 @@ mod tests {
             values: vec![-20.0],
             sd: vec![2.0],
             covariance: vec![vec![4.0]],
+            source: None,
         });
         let known = Fitted::of_rig(&rig).unwrap();
         let x_u = known.rows.iter().find(|r| r.coefficient.key() == "x_u");
         let [low, high] = x_u.unwrap().interval.unwrap();
         assert!((low + 23.919_928).abs() < 1e-6 && (high + 16.080_072).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_spread_of_published_sets_does_not_pass_for_a_measurement() {
+        let known = Fitted::of_rig(&Rig::builtin("bluerov2").unwrap()).unwrap();
+        assert!(known.rows.iter().all(|r| r.sd.is_some()));
+        assert!(known.basis.unwrap().contains("no measurement"));
+        let said = known
+            .missing
+            .iter()
+            .any(|m| m.contains("no run of this vehicle"));
+        assert!(said, "{:?}", known.missing);
     }
 
     #[test]

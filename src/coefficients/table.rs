@@ -1,6 +1,7 @@
 //! Coefficients as lines of a table, converted; and the table as CSV, LaTeX and text.
 
 use hydroline_report::significant;
+use hydroline_rigs::Dof;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -83,6 +84,8 @@ pub struct Asked {
     pub hull: Option<Particulars>,
     /// Size of another hull.
     pub scale: Option<Scale>,
+    /// Density of the water \[kg/m3\] where no hull says it; `None` = fresh water.
+    pub density_kgpm3: Option<f64>,
     /// Kinematic viscosity \[m2/s\]; `None` = fresh water at 20 °C.
     pub viscosity_m2ps: Option<f64>,
 }
@@ -92,6 +95,9 @@ pub struct Asked {
 pub struct Table {
     /// What the coefficients were read from.
     pub source: String,
+    /// Where the uncertainty comes from when runs of the vehicle did not give it, as the spread of published sets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub basis: Option<String>,
     /// Reference quantities.
     pub reference: Reference,
     /// Coefficients in SNAME order.
@@ -139,13 +145,21 @@ impl Table {
         let viscosity_m2ps = asked
             .viscosity_m2ps
             .unwrap_or(super::regime::VISCOSITY_M2PS);
+        let standard = Particulars {
+            density_kgpm3: asked.density_kgpm3.unwrap_or(super::prime::FRESH_KGPM3),
+            gravity_mps2: fitted.gravity_mps2.unwrap_or(super::prime::GRAVITY_MPS2),
+            ..Particulars::of_length(1.0)
+        };
+        let of_water = hull.as_ref().unwrap_or(&standard);
         let mut runs: Vec<Regime> = Vec::new();
-        for (hull, (run, seen)) in hull
-            .iter()
-            .flat_map(|h| fitted.runs.iter().map(move |r| (h, r)))
-        {
-            let of = |(dof, seen): &_| regime(run, *dof, seen, hull, viscosity_m2ps);
+        for (run, seen) in &fitted.runs {
+            let of = |(dof, seen): &_| regime(run, *dof, seen, of_water, viscosity_m2ps);
             runs.extend(seen.iter().map(of));
+        }
+        // Speeds, amplitudes and frequencies are the same for any length.
+        let ranges = ranges(&runs);
+        if hull.is_none() {
+            runs.clear();
         }
         let mut missing = fitted.missing.clone();
         if hull.is_none() && !fitted.runs.is_empty() {
@@ -155,10 +169,9 @@ impl Table {
         if asked.scale.is_some() {
             missing.push("the other size is at the same Froude number: its Reynolds number is another one, and what viscosity does is not scaled".to_owned());
         }
-        let standard = Particulars::of_length(1.0);
-        let of_water = hull.as_ref().unwrap_or(&standard);
         Ok(Table {
             source: fitted.source.clone(),
+            basis: fitted.basis.clone(),
             reference: Reference {
                 system: asked.prime.map(Prime::name),
                 length_m: hull.map(|h| h.length_m),
@@ -171,7 +184,7 @@ impl Table {
                 scale: asked.scale.map(|s| s.factor),
             },
             coefficients: fitted.rows.iter().map(line).collect(),
-            ranges: ranges(&runs),
+            ranges,
             runs,
             missing,
         })
@@ -289,6 +302,9 @@ impl Table {
         }
         parts.push(format!("rho = {} kg/m3", r.density_kgpm3));
         parts.push(format!("g = {} m/s2", r.gravity_mps2));
+        if let Some(basis) = &self.basis {
+            parts.push(format!("intervals: {basis}"));
+        }
         parts.join(", ")
     }
 
@@ -322,25 +338,53 @@ impl Table {
             rows.push(cells);
         }
         let mut text = format!("{}\n\n{}", self.caption(), columns(&rows));
+        let of = |v: Option<f64>| v.map_or("-".to_owned(), significant);
+        if !self.ranges.is_empty() {
+            let head = [
+                "seen in",
+                "largest speed of runs",
+                "amplitude",
+                "frequency [Hz]",
+            ];
+            let two =
+                |ends: [f64; 2]| format!("{} .. {}", significant(ends[0]), significant(ends[1]));
+            let mut rows = vec![head.map(String::from).to_vec()];
+            for r in &self.ranges {
+                let (speed, way) = units_of_motion(r.dof);
+                let with = |ends: Option<[f64; 2]>, unit: &str| {
+                    ends.map_or("-".to_owned(), |e| {
+                        format!("{} {unit}", two(e)).trim_end().to_owned()
+                    })
+                };
+                rows.push(vec![
+                    r.dof.to_owned(),
+                    with(Some(r.speed), speed),
+                    with(r.amplitude, way),
+                    with(r.frequency_hz, ""),
+                ]);
+            }
+            text += &format!("\n{}", columns(&rows));
+        }
         if !self.runs.is_empty() {
             let head = [
                 "run",
                 "DOF",
                 "largest speed",
                 "amplitude",
-                "frequency",
+                "frequency [Hz]",
                 "Re",
                 "Fn",
                 "KC",
             ];
             let mut rows = vec![head.map(String::from).to_vec()];
             for r in &self.runs {
-                let of = |v: Option<f64>| v.map_or("-".to_owned(), significant);
+                let (speed, way) = units_of_motion(r.dof);
+                let amplitude = r.amplitude.map(|a| format!("{} {way}", significant(a)));
                 rows.push(vec![
                     r.run.clone(),
                     r.dof.to_owned(),
-                    significant(r.speed),
-                    of(r.amplitude),
+                    format!("{} {speed}", significant(r.speed)),
+                    amplitude.unwrap_or_else(|| "-".to_owned()),
                     of(r.frequency_hz),
                     format!("{:.2e}", r.reynolds),
                     significant(r.froude),
@@ -363,6 +407,16 @@ impl Line {
         ]
         .into_iter()
         .flatten()
+    }
+}
+
+/// Units of a degree of freedom's speed and amplitude.
+fn units_of_motion(dof: &str) -> (&'static str, &'static str) {
+    let is_turn = Dof::ALL.iter().any(|d| d.name() == dof && d.index() > 2);
+    if is_turn {
+        ("rad/s", "rad")
+    } else {
+        ("m/s", "m")
     }
 }
 
@@ -430,6 +484,7 @@ mod tests {
             values: vec![-20.0],
             sd: vec![2.0],
             covariance: vec![vec![4.0]],
+            source: None,
         });
         Fitted::of_rig(&rig).unwrap()
     }
@@ -439,6 +494,7 @@ mod tests {
             prime: Some(Prime::Bis),
             hull: Some(Particulars::of_length(0.5)),
             scale: Some(Scale::by(7.5)),
+            density_kgpm3: None,
             viscosity_m2ps: None,
         }
     }
@@ -487,6 +543,28 @@ mod tests {
         let columns = latex.lines().nth(1).unwrap();
         assert!(columns.contains("{llrrrrrr}"), "{columns}");
         assert!(rows.iter().all(|r| r.matches('&').count() == 7));
+    }
+
+    /// Ranges need no length, and are in the text; Reynolds numbers do, and are not.
+    #[test]
+    fn ranges_are_there_without_a_length_and_water_is_that_which_was_given() {
+        let json = r#"{"parameters":{"x_u":{"value":-20,"sd":1}},
+            "runs":[{"name":"a","seen":{"surge":{"speed":0.3,"amplitude":0.1,"frequency_hz":0.2}}},
+                    {"name":"b","seen":{"surge":{"speed":0.5},"yaw":{"speed":0.2}}}]}"#;
+        let fitted = Fitted::from_json(json, "r.json").unwrap();
+        let bare = Asked {
+            density_kgpm3: Some(1025.0),
+            ..Asked::default()
+        };
+        let table = Table::new(&fitted, &bare).unwrap();
+        assert!(table.runs.is_empty());
+        assert_eq!(table.ranges[0].speed, [0.3, 0.5]);
+        assert_eq!(table.reference.density_kgpm3, 1025.0);
+        assert!(table.missing.iter().any(|m| m.contains("--length")));
+        let text = table.text();
+        for words in ["surge", "0.30000 .. 0.50000 m/s", "rad/s", "rho = 1025"] {
+            assert!(text.contains(words), "no {words:?} in\n{text}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use hydroline_calib::plane::PlaneMap;
 use hydroline_inference::prior::PriorTable;
 use hydroline_plan::preflight::passes;
 use hydroline_plan::size::scaled;
-use hydroline_rigs::{Dof, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
+use hydroline_rigs::{Dof, Identified, Plan, PlanStep, Rig, Shape, StepLoad, Wrench};
 use hydroline_sim::Allocation;
 
 /// Steps of the plan by which a DOF's reach is found \[s\]: as long as one of a plan.
@@ -40,11 +40,11 @@ impl std::fmt::Debug for Admission {
 impl Admission {
     /// For this rig, seen through this calibration or the ideal camera.
     ///
-    /// Where its coefficients were identified it moves as they say. Where they are a data sheet's, a plan has to run as well
-    /// on a vehicle that is lighter and less damped by one standard deviation of what is known of such coefficients.
+    /// Where its coefficients were identified it moves as they say. Where they are a data sheet's, or published ones, a plan has
+    /// to run as well on a vehicle that is lighter and less damped by one standard deviation of what is known of such coefficients.
     pub fn new(rig: &Rig, calibration: Option<&Calibration>) -> Admission {
         let mut made = Admission::of_known(rig, calibration);
-        if rig.identified.is_none() {
+        if !rig.identified.as_ref().is_some_and(Identified::is_measured) {
             let share = (-PriorTable::default().coefficient_ln).exp();
             // First: what it refuses need not be simulated again.
             made.rigs.insert(0, lighter(rig, share));

@@ -64,6 +64,12 @@ pub enum DrawError {
         value: f64,
         reason: String,
     },
+    #[error("draw {draw} (seed {seed}): its effects are of no rig: {source}; take another draw")]
+    Effects {
+        draw: usize,
+        seed: u64,
+        source: EffectError,
+    },
 }
 
 #[derive(Deserialize)]
@@ -299,8 +305,28 @@ pub fn table(models: &[Weighted], drawn: &[Draw]) -> Draws {
 /// The rig of a draw; `place` and `seed` are for messages.
 ///
 /// # Errors
-/// [`DrawError::Outside`] where a number is beyond what a rig may have.
+/// [`DrawError::Outside`], [`DrawError::Effects`] where a number is beyond what a rig may have.
 pub fn applied(
+    rig: &Rig,
+    models: &[Weighted],
+    draw: &Draw,
+    place: usize,
+    seed: u64,
+) -> Result<Rig, DrawError> {
+    let mut rig = changed(rig, models, draw, place, seed)?;
+    rig.effective_toml = rig.to_toml();
+    Ok(rig)
+}
+
+/// Number of draws that are of no rig: their numbers alone are looked at, so that a million takes seconds.
+pub fn refused(rig: &Rig, models: &[Weighted], drawn: &[Draw]) -> usize {
+    let each = drawn.iter();
+    each.filter(|d| changed(rig, models, d, 0, 0).is_err())
+        .count()
+}
+
+/// The rig of a draw, its text still that of the rig before.
+fn changed(
     rig: &Rig,
     models: &[Weighted],
     draw: &Draw,
@@ -354,16 +380,13 @@ pub fn applied(
             return Err(outside(c.key(), value, reason));
         }
     }
-    check(&rig.physics).map_err(|e: EffectError| {
-        outside(
-            &column(model, &model.names.join(", ")),
-            f64::NAN,
-            e.to_string(),
-        )
+    check(&rig.physics).map_err(|source| DrawError::Effects {
+        draw: place,
+        seed,
+        source,
     })?;
     // Drawn numbers carry no uncertainty of their own.
     rig.identified = None;
-    rig.effective_toml = rig.to_toml();
     Ok(rig)
 }
 

@@ -7,10 +7,14 @@ use hydroline_sim::effect::check;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::model::{Absent, Written, name_of};
+use super::model::{Written, name_of};
 
-/// Plans over which exports are compared: a push, reversals, all degrees of freedom at once.
-pub const PLANS: [&str; 3] = ["surge-8n", "reversals", "mixed-6dof"];
+/// Plans over which exports are compared: a push, reversals, all degrees of freedom at once; of each the first that the rig runs.
+const PLANS: [&[&str]; 3] = [
+    &["surge-8n"],
+    &["reversals"],
+    &["mixed-6dof", "bluerov2-heavy-mixed", "bluerov2-mixed"],
+];
 /// Samples per second of the comparison.
 const RATE_HZ: f64 = 10.0;
 
@@ -46,18 +50,9 @@ pub struct Difference {
 
 /// The reasons of effects that formulas do not hold.
 pub fn of_formulas(model: &Written) -> Vec<Lost> {
-    let why = |absent: Absent| match absent {
-        Absent::OfMeasurement => "acts between motion and measurement: no part of the vehicle",
-        Absent::Idle => {
-            "changes no rate: it needs what is measured beside the motion (shaft speed, fin angles, waves), or Eq. 1 has it already"
-        }
-        Absent::Delay => {
-            "rates know no past: hold commands back by the delay that is written beside them"
-        }
-    };
     let absent = model.absent.iter();
     absent
-        .map(|(name, reason)| Lost::new(name, why(*reason)))
+        .map(|(name, reason)| Lost::new(name, reason.words()))
         .collect()
 }
 
@@ -79,14 +74,14 @@ pub fn without(rig: &Rig, names: &[String]) -> Rig {
     less
 }
 
-/// Distances over the plans that fit the rig; a plan that its thrusters cannot make is left out.
+/// Distances over the plans that fit the rig; a plan that its thrusters cannot make, or that runs away with it, is left out.
 pub fn differences(rig: &Rig, written: &Rig) -> Vec<Difference> {
     if rig == written {
         return Vec::new();
     }
     PLANS
         .into_iter()
-        .filter_map(|name| over(rig, written, name))
+        .filter_map(|names| names.iter().find_map(|name| over(rig, written, name)))
         .collect()
 }
 
@@ -115,6 +110,18 @@ fn over(rig: &Rig, written: &Rig, name: &str) -> Option<Difference> {
 mod tests {
     use super::*;
     use hydroline_rigs::ParameterValue;
+
+    /// No pitch, no mixed-6dof: the third plan is that of its own thrusters.
+    #[test]
+    fn a_vehicle_of_five_degrees_of_freedom_is_compared_over_three_plans_too() {
+        let rig = Rig::builtin("bluerov2").unwrap();
+        let mut less = rig.clone();
+        less.vehicle.coefficients[1].linear *= 0.5;
+        let found = differences(&rig, &less);
+        let plans: Vec<&str> = found.iter().map(|d| d.plan.as_str()).collect();
+        assert_eq!(plans, ["surge-8n", "reversals", "bluerov2-mixed"]);
+        assert!(found[2].position_mm > 0.1, "{found:?}");
+    }
 
     #[test]
     fn the_distance_without_an_effect_is_that_of_two_simulations() {

@@ -78,6 +78,21 @@ pub enum Absent {
     Delay,
 }
 
+impl Absent {
+    /// The reason as a sentence, with what to do.
+    pub fn words(self) -> &'static str {
+        match self {
+            Absent::OfMeasurement => "acts between motion and measurement: no part of the vehicle",
+            Absent::Idle => {
+                "changes no rate: it needs what is measured beside the motion (shaft speed, fin angles, waves), or Eq. 1 has it already"
+            }
+            Absent::Delay => {
+                "rates know no past: hold commands back by the delay that is written beside them"
+            }
+        }
+    }
+}
+
 /// A model as formulas.
 #[derive(Debug)]
 pub struct Written {

@@ -12,11 +12,12 @@ mod xml;
 
 use hydroline_coefficients::regime::Range;
 use hydroline_rigs::{Rig, VehicleModel};
+use hydroline_sim::effect::{CheckedEffect, Stage, check};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::lost::{Difference, Lost, differences, of_formulas, without};
-use super::model::{Absent, ModelError, Written, written};
+use super::model::{Absent, ModelError, Written, name_of, written};
 
 /// Name of the library that an FMU holds, without the system's prefix and ending.
 pub const FMU_LIBRARY: &str = hydroline_fmu::IDENTIFIER;
@@ -117,14 +118,30 @@ pub fn export(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, Mo
 
 /// Our own simulator in another's hands.
 fn co_simulation(rig: &Rig, about: &About<'_>) -> Result<Export, ModelError> {
-    let model = written(rig)?;
-    let mut lost = of_formulas(&model);
-    // The library holds commands back itself.
-    let delays = model.absent.iter().filter(|a| a.1 == Absent::Delay);
-    let delays: Vec<&String> = delays.map(|a| &a.0).collect();
-    lost.retain(|l| !delays.contains(&&l.what));
-    let mut held = model.held.clone();
-    held.extend(delays.into_iter().cloned());
+    let (held, lost): (Vec<String>, Vec<Lost>) = match written(rig) {
+        Ok(model) => {
+            let mut lost = of_formulas(&model);
+            // The library holds commands back itself.
+            let delays = model.absent.iter().filter(|a| a.1 == Absent::Delay);
+            let delays: Vec<String> = delays.map(|a| a.0.clone()).collect();
+            lost.retain(|l| !delays.contains(&l.what));
+            let mut held = model.held;
+            held.extend(delays);
+            (held, lost)
+        }
+        // A law that cannot be a formula runs in the library all the same.
+        Err(ModelError::Branches { .. }) => {
+            let effects = check(&rig.physics)?;
+            let of_motion = |e: &&CheckedEffect| e.info.stage != Stage::Measurement;
+            let (held, others): (Vec<_>, Vec<_>) = effects.iter().partition(of_motion);
+            let others = others
+                .into_iter()
+                .map(|e| (name_of(e), Absent::OfMeasurement));
+            let lost = others.map(|(name, why)| Lost::new(name, why.words()));
+            (held.into_iter().map(name_of).collect(), lost.collect())
+        }
+        Err(other) => return Err(other),
+    };
     let mut head = header::lines(rig, &held, &lost, &[], about);
     head.extend(curves(rig));
     Ok(Export {
@@ -182,6 +199,11 @@ fn simulator(rig: &Rig, target: Target, about: &About<'_>) -> Result<Export, Mod
     let mut head = header::lines(rig, &body.held, &body.lost, &differences, about);
     head.push(String::new());
     head.push("Here: body frame x forward, y to port, z up; world z up.".to_owned());
+    head.push(format!(
+        "The world needs gravity 0 0 -{} and water of {} kg/m3: with others net weight and restoring moment are other ones.",
+        body.gravity_mps2,
+        body::DENSITY_KGPM3
+    ));
     head.extend(
         body.changed
             .iter()

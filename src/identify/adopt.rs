@@ -270,13 +270,17 @@ fn without_negative(matrix: DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&made + made.transpose())
 }
 
-/// Entries of the rig's `[identified]` for coefficients that are not written anew and still have the value that they belong to.
+/// Entries of the rig's `[identified]` for coefficients that are not written anew and still have the value that they belong to;
+/// the spread of published sets does not stay beside what was measured.
 fn of_others(rig: &Rig, new: &[(Coefficient, f64)]) -> Identified {
-    let old = rig.identified.clone().unwrap_or_else(|| Identified {
+    let known = rig.identified.clone();
+    let stay_together = |k: &Identified| new.is_empty() || k.is_measured();
+    let old = known.filter(stay_together).unwrap_or_else(|| Identified {
         coefficients: Vec::new(),
         values: Vec::new(),
         sd: Vec::new(),
         covariance: Vec::new(),
+        source: None,
     });
     let stays: Vec<usize> = (0..old.coefficients.len())
         .filter(|i| {
@@ -291,5 +295,6 @@ fn of_others(rig: &Rig, new: &[(Coefficient, f64)]) -> Identified {
         values: of(&old.values),
         sd: of(&old.sd),
         covariance: stays.iter().map(|i| of(&old.covariance[*i])).collect(),
+        source: old.source,
     }
 }

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use hydroline_log::messages::{Stamped, pb};
-use hydroline_log::{LogReader, Record};
+use hydroline_log::{LogReader, MetadataMap, Record};
 use hydroline_numerics::statistics::median;
 use hydroline_rigs::{Dof, Rig};
 
@@ -38,6 +38,8 @@ pub struct Merged {
     wrench: Option<Vec<Command>>,
     /// Faults of frames and losses before them, in words, by the frames' stamps.
     frames: BTreeMap<u64, String>,
+    /// What the log says of its session.
+    session: MetadataMap,
     /// Reason why the load is not known.
     pub note: Option<String>,
 }
@@ -82,6 +84,7 @@ impl Merged {
                 frames: frames.len(),
             });
         }
+        let session = reader.metadata().get("session").cloned();
         let own = reader
             .rig_toml()
             .and_then(|t| Rig::from_toml(t, "the log's rig", None).ok());
@@ -124,8 +127,19 @@ impl Merged {
             thrusts,
             wrench,
             frames,
+            session: session.unwrap_or_default(),
             note,
         })
+    }
+
+    /// The run that the table is of.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// What the log says of its session.
+    pub fn session(&self) -> &MetadataMap {
+        &self.session
     }
 
     /// Number of rows of the table, without its header.

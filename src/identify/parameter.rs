@@ -105,9 +105,15 @@ impl Coefficient {
     /// How far the truth may be from what the rig says, as a standard deviation: what an identification left in
     /// the rig's `[identified]` of this very number; else as far as the number is large; where it is 0 the rig
     /// claims to know nothing, and the truth lies anywhere in Table 9's range for a vehicle of this mass
-    /// (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0.
+    /// (inertia): a uniform distribution over 0 .. -R is R / sqrt 3 about 0. The spread of published sets makes a number
+    /// less sure, never surer: two sets may agree by chance.
     pub fn prior_sd(self, rig: &Rig) -> f64 {
-        self.identified_sd(rig).unwrap_or_else(|| self.size(rig))
+        let is_measured = rig.identified.as_ref().is_some_and(|k| k.is_measured());
+        match self.identified_sd(rig) {
+            Some(sd) if is_measured => sd,
+            Some(spread) => spread.max(self.size(rig)),
+            None => self.size(rig),
+        }
     }
 
     /// Size that the rig gives it: its number's, and where that is 0 Table 9's for a vehicle of this mass.
@@ -161,8 +167,14 @@ mod tests {
                 values: vec![said],
                 sd: vec![0.25],
                 covariance: vec![vec![0.0625]],
+                source: None,
             });
             assert_eq!(c.prior_sd(&rig), 0.25);
+            // A spread of published sets is no measurement of this vehicle: it makes nothing surer.
+            let published = rig.identified.as_mut().unwrap();
+            published.source = Some("two published sets".to_owned());
+            assert_eq!(c.prior_sd(&rig), said.abs());
+            assert_eq!(c.identified_sd(&rig), Some(0.25));
             // The sd is that of another number now.
             c.put(&mut rig.vehicle, 0.0);
             assert!((c.prior_sd(&rig) - width / 3f64.sqrt()).abs() < 1e-9);

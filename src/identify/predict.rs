@@ -356,6 +356,7 @@ mod tests {
             values: vec![value],
             sd: vec![1.0],
             covariance: vec![vec![1.0]],
+            source: None,
         });
         assert!(Identified::of_rig(&rig).unwrap().is_some());
         rig.vehicle.coefficients[0].linear = value - 1.0;

@@ -511,6 +511,18 @@ mod tests {
         assert!(x.max - x.min > 1.0, "{x:?}");
     }
 
+    /// Built-in vehicles have a plan of all their degrees of freedom that may be recorded as it is, both edges in sight.
+    #[test]
+    fn each_bluerov2_has_a_plan_that_stays_over_the_target() {
+        for name in ["bluerov2", "bluerov2-heavy"] {
+            let rig = Rig::builtin(name).unwrap();
+            let plan = Plan::builtin(&format!("{name}-mixed")).unwrap();
+            let report = preflight(&rig, &plan).unwrap();
+            assert_eq!(report.violations, Vec::new(), "{name}");
+            assert_eq!(report.least_edges, Some(2), "{name}");
+        }
+    }
+
     #[test]
     fn a_plan_that_leaves_the_target_is_refused_with_time_and_place() {
         let report = preflight(

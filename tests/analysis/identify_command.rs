@@ -177,6 +177,7 @@ fn rig_that_was_identified(path: &Path) -> Rig {
         values: vec![value],
         sd: vec![sd],
         covariance: vec![vec![sd * sd]],
+        source: None,
     });
     std::fs::write(path, rig.to_toml()).unwrap();
     rig

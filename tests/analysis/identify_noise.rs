@@ -150,6 +150,7 @@ fn written_with_sd(rig: &Rig, key: &str, sd: f64) -> Rig {
         values: vec![value],
         sd: vec![sd],
         covariance: vec![vec![sd * sd]],
+        source: None,
     });
     rig
 }

@@ -25,13 +25,42 @@ impl Plan {
     /// checked where that is done; here only that of `thrust_n` is.
     ///
     /// # Errors
-    /// [`RigError::Invalid`] with everything this rig cannot do.
+    /// [`RigError::Invalid`] with everything this rig cannot do; where its thrusters give a wrench in no way, with the built-in
+    /// plans that it can run.
     pub fn check_against(&self, rig: &Rig) -> Result<(), RigError> {
+        let Check {
+            mut problems,
+            out_of_reach,
+            ..
+        } = self.checked(rig);
+        if problems.is_empty() {
+            return Ok(());
+        }
+        let fits = |name: &&str| {
+            let plan = Plan::builtin(name);
+            plan.is_ok_and(|plan| plan.checked(rig).problems.is_empty())
+        };
+        let fitting: Vec<&str> = match out_of_reach.is_empty() {
+            true => Vec::new(),
+            false => Plan::builtin_names().into_iter().filter(fits).collect(),
+        };
+        for place in out_of_reach {
+            let problem = problems.get_mut(place).map(|p| &mut p.kind);
+            if let (Some(ProblemKind::Rule { next, .. }), false) = (problem, fitting.is_empty()) {
+                *next += &format!("; built-in plans that it can run: {}", fitting.join(", "));
+            }
+        }
+        Err(RigError::Invalid { problems })
+    }
+
+    /// Everything that a rig cannot do of it.
+    fn checked<'p>(&'p self, rig: &'p Rig) -> Check<'p> {
         let mut check = Check {
             plan: self,
             rig,
             lines: self.step_lines(),
             problems: Vec::new(),
+            out_of_reach: Vec::new(),
         };
         for index in 0..self.steps.len() {
             check.rate(index);
@@ -43,12 +72,7 @@ impl Plan {
         if check.problems.is_empty() {
             check.slew();
         }
-        if check.problems.is_empty() {
-            return Ok(());
-        }
-        Err(RigError::Invalid {
-            problems: check.problems,
-        })
+        check
     }
 
     /// Line of every `[[step]]` in the text the plan came from.
@@ -70,6 +94,8 @@ struct Check<'p> {
     rig: &'p Rig,
     lines: Vec<Option<usize>>,
     problems: Vec<Problem>,
+    /// Places of the problems whose wrench no distribution over the thrusters gives.
+    out_of_reach: Vec<usize>,
 }
 
 impl Check<'_> {
@@ -159,8 +185,14 @@ impl Check<'_> {
                 continue;
             }
             let (what, next) = if share <= 0.0 {
+                self.out_of_reach.push(self.problems.len());
+                let impossible = impossible(self.rig, &asked);
+                let nothing = match impossible.is_empty() {
+                    true => String::new(),
+                    false => format!(": nothing makes {}", impossible.join(", ")),
+                };
                 (
-                    "no combination of the rig's thrusters gives this wrench".to_owned(),
+                    format!("no combination of the rig's thrusters gives this wrench{nothing}"),
                     "Ask for the components they can give, or correct their positions and directions",
                 )
             } else {
@@ -267,6 +299,24 @@ fn factor_range(step: &PlanStep) -> (f64, f64) {
         // Frequencies are not negative, so the phase only grows.
         Shape::Chirp { f0_hz, f1_hz } => sine_over(0.0, TAU * 0.5 * (f0_hz + f1_hz) * step.for_s),
     }
+}
+
+/// Loads by the names of plans, in the order of a wrench.
+const LOADS: [&str; 6] = [
+    "surge_n", "sway_n", "heave_n", "roll_nm", "pitch_nm", "yaw_nm",
+];
+
+/// Components of a wrench that no distribution over the thrusters gives by itself.
+fn impossible(rig: &Rig, wrench: &Vector6<f64>) -> Vec<&'static str> {
+    let cannot = |d: &usize| {
+        let mut alone = Vector6::zeros();
+        alone[*d] = wrench[*d];
+        reachable_share(rig, &alone) <= 0.0
+    };
+    (0..LOADS.len())
+        .filter(cannot)
+        .filter_map(|d| LOADS.get(d).copied())
+        .collect()
 }
 
 /// The largest share, up to 1, of `wrench` \[N, N m\] that some distribution over the

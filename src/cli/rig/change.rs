@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use hydroline_coefficients::{Particulars, Prime};
 use hydroline_exchange::edit::{self, Difference};
 use hydroline_exchange::foreign;
@@ -13,6 +12,7 @@ use serde::Serialize;
 
 use crate::output::Output;
 use crate::print::{self, errln, outln};
+use crate::system::System;
 use crate::{CliError, Outcome, inputs};
 
 /// Keys and their new values.
@@ -29,20 +29,6 @@ pub struct SetArgs {
     out: PathBuf,
     #[command(flatten)]
     output: Output,
-}
-
-/// A prime system by its name.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum System {
-    /// rho L3 / 2, L, L / U
-    #[value(name = "I")]
-    I,
-    /// rho L2 T / 2, L, L / U
-    #[value(name = "II")]
-    II,
-    /// m, L, sqrt(L / g)
-    #[value(name = "bis")]
-    Bis,
 }
 
 /// A file of another program, and the rig that its numbers go into.
@@ -64,16 +50,16 @@ pub struct ImportArgs {
     )]
     prime: Option<System>,
     /// With --prime: reference length L [m]
-    #[arg(long, value_name = "M", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M", value_parser = inputs::positive, requires = "prime")]
     length: Option<f64>,
     /// With --prime: reference speed U [m/s]
-    #[arg(long, value_name = "M/S", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M/S", value_parser = inputs::positive, requires = "prime")]
     speed: Option<f64>,
     /// With --prime: draught T [m], of II
-    #[arg(long, value_name = "M", value_parser = inputs::positive)]
+    #[arg(long, value_name = "M", value_parser = inputs::positive, requires = "prime")]
     draught: Option<f64>,
     /// With --prime: density of the water [kg/m3]
-    #[arg(long, value_name = "KG/M3", value_parser = inputs::positive, default_value = "1000")]
+    #[arg(long, value_name = "KG/M3", value_parser = inputs::positive, requires = "prime", default_value = "1000")]
     rho: f64,
     /// The file has damping and added mass as positive numbers
     #[arg(long)]
@@ -183,12 +169,7 @@ pub fn import(args: &ImportArgs) -> Result<Outcome, CliError> {
             gravity_mps2: rig.vehicle.gravity_mps2,
             length_m,
         };
-        let prime = match system {
-            System::I => Prime::I,
-            System::II => Prime::II,
-            System::Bis => Prime::Bis,
-        };
-        found = found.dimensional(&prime.units(&hull)?);
+        found = found.dimensional(&Prime::from(system).units(&hull)?);
     }
     for words in &found.left {
         errln!("left: {words}");

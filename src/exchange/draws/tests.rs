@@ -169,4 +169,36 @@ fn what_cannot_be_drawn_from_is_refused_with_the_next_step() {
         .find_map(|(k, d)| applied(&rig, &models, d, k, 1).err());
     let words = refused.unwrap().to_string();
     assert!(words.contains("take another draw"), "{words}");
+    let each = made.iter().enumerate();
+    let count = each.filter(|(k, d)| applied(&rig, &models, d, *k, 1).is_err());
+    assert_eq!(super::refused(&rig, &models, &made), count.count());
+    // A lag below 0 is named by the effect that refuses it.
+    let lag = Weighted {
+        physics: Some(vec![PhysicsEntry {
+            effect: "thruster_lag".into(),
+            parameters: vec![
+                ("lag_s".into(), ParameterValue::Number(0.2)),
+                ("dof".into(), ParameterValue::Word("surge".into())),
+            ],
+        }]),
+        names: vec!["1.lag_s".into()],
+        values: vec![-0.5],
+        logarithmic: vec![false],
+        covariance: DMatrix::zeros(1, 1),
+        ..known()
+    };
+    let words = applied(
+        &rig,
+        std::slice::from_ref(&lag),
+        &drawn(std::slice::from_ref(&lag), 1, 1)[0],
+        7,
+        1,
+    )
+    .unwrap_err()
+    .to_string();
+    assert!(
+        words.contains("draw 7") && words.contains("lag_s"),
+        "{words}"
+    );
+    assert!(!words.contains("NaN"), "{words}");
 }

@@ -72,6 +72,10 @@ fn description(
         xml.end();
     }
     xml.end();
+    // What the library says goes by this name.
+    xml.begin("LogCategories");
+    xml.empty("Category name=\"logStatusError\"");
+    xml.end();
     xml.empty(&format!(
         "DefaultExperiment startTime=\"0\" stopTime=\"{LENGTH_S}\" stepSize=\"{STEP_S}\""
     ));

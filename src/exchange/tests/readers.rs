@@ -211,6 +211,7 @@ fn numpy_reads_the_draws() {
         values: vec![-20.0],
         sd: vec![2.0],
         covariance: vec![vec![4.0]],
+        source: None,
     });
     let models = of_rig(&rig).unwrap();
     let made = table(&models, &drawn(&models, 3, 1));

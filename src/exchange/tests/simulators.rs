@@ -341,6 +341,10 @@ fn the_numbers_of_sdf_and_urdf_move_a_body_as_our_model_does() {
     let sdf = of_sdf(&written(Target::Sdf));
     let urdf = of_urdf(&written(Target::Urdf), sdf.start.clone());
     assert!((sdf.mass - rig.vehicle.mass_kg).abs() < 1e-12);
+    for target in [Target::Sdf, Target::Urdf] {
+        let text = written(target);
+        assert!(text.contains("gravity 0 0 -9.81 and water of 1000 kg/m3"));
+    }
     for name in ["surge-8n", "reversals", "mixed-6dof"] {
         let plan = Plan::builtin(name).unwrap();
         for (target, body) in [("sdf", &sdf), ("urdf", &urdf)] {

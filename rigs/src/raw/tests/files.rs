@@ -216,6 +216,7 @@ fn what_an_identification_left_is_read_back_and_held_against_itself() {
         values: vec![-250.25, -20.125],
         sd: vec![1.5, 0.1],
         covariance: vec![vec![2.25, -0.01], vec![-0.01, 0.01]],
+        source: None,
     });
     let text = rig.to_toml();
     let read = Rig::from_toml(&text, "r.toml", None).unwrap();
