@@ -127,10 +127,5 @@ impl Real for f64 {
     }
 }
 
-/// `a + b * k` per element; the integrator's only vector operation.
-pub(crate) fn add_scaled<T: Real, const N: usize>(a: &[T; N], b: &[T; N], k: T) -> [T; N] {
-    std::array::from_fn(|i| a[i] + b[i] * k)
-}
-
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use super::{Hydrodynamics, Hydrostatics};
 use crate::real::Real;
-use crate::vehicle::kinematics::rotation;
+use crate::vehicle::kinematics::{Attitude, rotation};
 
 /// Coriolis and centripetal terms of Eq. 1 (rigid body plus added mass) \[N, N m\].
 ///
@@ -28,17 +28,17 @@ pub fn damping<T: Real>(h: &Hydrodynamics<T>, nu_r: &[T; 6]) -> [T; 6] {
 }
 
 /// Restoring moments, W = B: r_Bz m g cos(theta) sin(phi) in roll, r_Bz m g sin(theta) in pitch (Eq. 1).
-pub fn restoring<T: Real>(h: &Hydrodynamics<T>, eta: &[T; 6], coupled: bool) -> [T; 6] {
-    let (phi, theta) = (eta[3], eta[4]);
+pub fn restoring<T: Real>(h: &Hydrodynamics<T>, attitude: &Attitude<T>, coupled: bool) -> [T; 6] {
+    let (sin_phi, (sin_theta, cos_theta)) = (attitude.phi.0, attitude.theta);
     // The one-DOF roll equation knows no pitch: cos(theta) belongs to Eq. 1 only.
-    let tilt = if coupled { theta.cos() } else { T::one() };
+    let tilt = if coupled { cos_theta } else { T::one() };
     let zero = T::zero();
     [
         zero,
         zero,
         zero,
-        h.restoring_nm * tilt * phi.sin(),
-        h.restoring_nm * theta.sin(),
+        h.restoring_nm * tilt * sin_phi,
+        h.restoring_nm * sin_theta,
         zero,
     ]
 }

@@ -2,37 +2,70 @@
 
 use crate::real::Real;
 
-/// Rotation body -> tank, R = Rz(psi) Ry(theta) Rx(phi), row-major.
-pub fn rotation<T: Real>(phi: T, theta: T, psi: T) -> [[T; 3]; 3] {
-    let (sf, cf) = (phi.sin(), phi.cos());
-    let (st, ct) = (theta.sin(), theta.cos());
-    let (sp, cp) = (psi.sin(), psi.cos());
-    [
-        [cp * ct, cp * st * sf - sp * cf, cp * st * cf + sp * sf],
-        [sp * ct, sp * st * sf + cp * cf, sp * st * cf - cp * sf],
-        [-st, ct * sf, ct * cf],
-    ]
+/// Sines and cosines of phi, theta and psi, once for all that needs them at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attitude<T = f64> {
+    /// (sin, cos) of phi.
+    pub phi: (T, T),
+    /// (sin, cos) of theta.
+    pub theta: (T, T),
+    /// (sin, cos) of psi.
+    pub psi: (T, T),
 }
 
-/// d(eta)/dt from the body rates.
-///
-/// Euler rates divide by cos(theta): the pose is undefined at theta = +-90 deg, where the
-/// result is not finite; [`crate::world::World`] turns that into an error.
+impl<T: Real> Attitude<T> {
+    /// Of three angles \[rad\].
+    pub fn new(phi: T, theta: T, psi: T) -> Self {
+        Attitude {
+            phi: phi.sin_cos(),
+            theta: theta.sin_cos(),
+            psi: psi.sin_cos(),
+        }
+    }
+
+    /// Of a pose in SNAME order.
+    pub fn of(eta: &[T; 6]) -> Self {
+        Self::new(eta[3], eta[4], eta[5])
+    }
+
+    /// Rotation body -> tank, R = Rz(psi) Ry(theta) Rx(phi), row-major.
+    pub fn rotation(&self) -> [[T; 3]; 3] {
+        let ((sf, cf), (st, ct), (sp, cp)) = (self.phi, self.theta, self.psi);
+        [
+            [cp * ct, cp * st * sf - sp * cf, cp * st * cf + sp * sf],
+            [sp * ct, sp * st * sf + cp * cf, sp * st * cf - cp * sf],
+            [-st, ct * sf, ct * cf],
+        ]
+    }
+
+    /// d(eta)/dt from the body rates.
+    ///
+    /// Euler rates divide by cos(theta): the pose is undefined at theta = +-90 deg, where the
+    /// result is not finite; [`crate::world::World`] turns that into an error.
+    pub fn eta_rate(&self, nu: &[T; 6]) -> [T; 6] {
+        let [u, v, w, p, q, r] = *nu;
+        let m = self.rotation();
+        let ((sf, cf), (st, ct)) = (self.phi, self.theta);
+        let turn = q * sf + r * cf; // psi_dot cos(theta)
+        [
+            m[0][0] * u + m[0][1] * v + m[0][2] * w,
+            m[1][0] * u + m[1][1] * v + m[1][2] * w,
+            m[2][0] * u + m[2][1] * v + m[2][2] * w,
+            p + turn * st / ct,
+            q * cf - r * sf,
+            turn / ct,
+        ]
+    }
+}
+
+/// Rotation body -> tank of three angles ([`Attitude::rotation`]).
+pub fn rotation<T: Real>(phi: T, theta: T, psi: T) -> [[T; 3]; 3] {
+    Attitude::new(phi, theta, psi).rotation()
+}
+
+/// d(eta)/dt of a pose from the body rates ([`Attitude::eta_rate`]).
 pub fn eta_rate<T: Real>(eta: &[T; 6], nu: &[T; 6]) -> [T; 6] {
-    let (phi, theta) = (eta[3], eta[4]);
-    let [u, v, w, p, q, r] = *nu;
-    let m = rotation(phi, theta, eta[5]);
-    let (sf, cf) = (phi.sin(), phi.cos());
-    let (st, ct) = (theta.sin(), theta.cos());
-    let turn = q * sf + r * cf; // psi_dot cos(theta)
-    [
-        m[0][0] * u + m[0][1] * v + m[0][2] * w,
-        m[1][0] * u + m[1][1] * v + m[1][2] * w,
-        m[2][0] * u + m[2][1] * v + m[2][2] * w,
-        p + turn * st / ct,
-        q * cf - r * sf,
-        turn / ct,
-    ]
+    Attitude::of(eta).eta_rate(nu)
 }
 
 #[cfg(test)]
