@@ -39,7 +39,8 @@ Examples:
 Exit codes: 0 done; 1 no coefficients could be found, or --fail-on found what it names (the result is printed and \
 written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs, all of the same vehicle, or folders of logs; LOG@9..34 is a window of one, in seconds since its first stamp
+    /// Logs, all of the same vehicle, folders of logs, or names with * or ? in quotes; LOG@9..34 is a window of one, in seconds since its
+    /// first stamp
     #[arg(required_unless_present = "bollard", value_name = "LOG|FOLDER")]
     logs: Vec<Part>,
     /// Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients. Without it the rig that the logs
