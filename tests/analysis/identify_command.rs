@@ -429,8 +429,9 @@ fn a_fit_goes_into_a_rig_with_its_sd_and_predict_uses_it() {
         assert!((a - b).abs() <= 1e-9 * (1e-6 + b.abs()), "{a} {b}");
     }
     let (last, off) = (by_rig.last().unwrap(), without.last().unwrap());
+    // The band is of the whole budget, of which the thrust's 5 % are most.
     assert!(
-        last[13] > 0.0 && (last[1] - off[1]).abs() > 20.0 * last[13],
+        last[13] > 1e-3 * last[1].abs() && (last[1] - off[1]).abs() > last[13],
         "{last:?} {off:?}"
     );
 
