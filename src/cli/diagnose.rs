@@ -37,7 +37,8 @@ Examples:
 Exit codes: 0 there is a verdict, whichever; 1 no verdict could be reached, or --fail-on found what it names (the verdict is printed \
 and written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs to explain, all of the same vehicle, or folders of logs; LOG@9..34 is a window of one, in seconds since its first stamp
+    /// Logs to explain, all of the same vehicle, folders of logs, or names with * or ? in quotes; LOG@9..34 is a window of one, in seconds
+    /// since its first stamp
     #[arg(required = true, value_name = "LOG|FOLDER")]
     logs: Vec<Part>,
     /// Rig file or built-in name: the model that is asked what it left out. Without it the rig that the logs carry, where all carry

@@ -39,7 +39,8 @@ Examples:
 Exit codes: 0 done; 1 no coefficients could be found, or --fail-on found what it names (the result is printed and \
 written all the same); 2 bad arguments, rig or logs.")]
 pub struct Args {
-    /// Logs, all of the same vehicle, or folders of logs; LOG@9..34 is a window of one, in seconds since its first stamp
+    /// Logs, all of the same vehicle, folders of logs, or names with * or ? in quotes; LOG@9..34 is a window of one, in seconds since its
+    /// first stamp
     #[arg(required_unless_present = "bollard", value_name = "LOG|FOLDER")]
     logs: Vec<Part>,
     /// Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients. Without it the rig that the logs
@@ -69,8 +70,8 @@ pub struct Args {
     #[arg(long, value_name = "DATA.csv")]
     bollard: Option<PathBuf>,
     /// Writes the rig with what was found: coefficients that the runs determine, with their covariance
-    /// ([identified]; predict makes its band of it), and the curve of a bollard pull with its covariance
-    /// ([bollard]; later fits carry it in their intervals). What was not determined keeps the rig's value with
+    /// ([identified], of the whole budget; predict makes its band of it), and the curve of a bollard pull with its covariance
+    /// ([bollard]; later fits carry it in their budgets). What was not determined keeps the rig's value with
     /// its uncertainty, and is named. A new curve ends the [identified] of the old one
     #[arg(long, value_name = "NEW.toml")]
     write_rig: Option<PathBuf>,
@@ -348,7 +349,7 @@ fn runs(args: &Args, logs: &[Part], rig: &Rig) -> Result<Vec<Run>, CliError> {
     Ok(runs)
 }
 
-/// Takes a measured thrust curve into the result: the thrust scale is identifiable then, its uncertainty comes in.
+/// Takes a measured thrust curve into the result: the thrust scale is identifiable then, the curve's uncertainty is in the budget.
 fn thrust_scale(
     args: &Args,
     logs: &[Part],
@@ -359,17 +360,17 @@ fn thrust_scale(
     let Some(pull) = &rig.bollard else {
         return Ok(());
     };
-    if !runs.iter().all(|r| r.from_pulses || r.commands.is_empty()) {
-        result.notes.push(
-            "the logs carry thrusts without pulses: the bollard pull's curve could not be used"
-                .to_owned(),
-        );
-        return Ok(());
-    }
     let moved = curve::moved_rigs(rig);
     if moved.is_empty() {
         result.notes.push(
             "[bollard] of the rig belongs to another curve than the thrusters': its covariance was not used; measure again (identify --bollard --write-rig)".to_owned(),
+        );
+        return Ok(());
+    }
+    if !curve::is_measured(rig, runs) {
+        result.notes.push(
+            "the logs carry thrusts without pulses: the bollard pull's curve could not be used"
+                .to_owned(),
         );
         return Ok(());
     }
@@ -394,7 +395,7 @@ fn thrust_scale(
     curve::widen(result, &values);
     result.blind_spots.retain(|b| b.what != "thrust_scale");
     result.notes.push(format!(
-        "thrust from a bollard pull (scatter {:.3} N); the curve's uncertainty is in the intervals",
+        "thrust from a bollard pull (scatter {:.3} N); the curve's uncertainty is a line of the budget, and in U95",
         pull.scatter_n
     ));
     Ok(())
@@ -439,7 +440,8 @@ fn rest(p: &Estimate) -> Option<f64> {
 
 /// Expanded uncertainties, and what has the largest share of each and would reduce it.
 fn largest(result: &Identification) {
-    for p in result.order.iter().filter_map(|k| result.parameters.get(k)) {
+    let all = result.order.iter().filter_map(|k| result.parameters.get(k));
+    for p in all.filter(|p| p.excited) {
         let (Some(u95), Some(source)) = (p.u95, &p.largest_share) else {
             continue;
         };

@@ -197,6 +197,7 @@ impl Concluding<'_> {
                 unit: c.unit().to_owned(),
                 value,
                 sd: finite,
+                repeat_sd: None,
                 combined_sd: None,
                 u95: None,
                 largest_share: None,

@@ -16,6 +16,7 @@ use super::fitted::fitted;
 use super::held_out::cross_validate;
 use super::numbers::Numbers;
 use super::options::{EstimateError, Options};
+use super::repeats::add_repeats;
 
 /// Identifies from runs; runs at rest (no load, >= 20 s, no motion) measure the noise instead. A gap that is longer than
 /// the vehicle remembers begins another run.
@@ -59,8 +60,9 @@ pub fn identify(
     note_covariances(&moving, &mut result);
     note_rest(&at_rest, &asked.dofs, &mut result);
     if options.budget {
+        add_repeats(&mut result, (&fitted, &numbers), &asked);
         (options.progress)("uncertainty budget");
-        add_budget(&mut result, (&fitted, &numbers), &asked, rig);
+        add_budget(&mut result, (&fitted, &numbers), &asked, (rig, &moving));
     }
     if options.cross_validate && moving.len() > 1 {
         (options.progress)("each run by the others");

@@ -2,7 +2,8 @@
 //!
 //! Runs at rest measure the noise ([`hydroline_inference::at_rest`]), the others make a body of which the coefficients asked for are free
 //! (`asked`), its likeliest mode is found from several starts beside the noise and a random force (`fitted`), and becomes numbers with
-//! intervals (`numbers`, `profiles`), words (`conclude`) and predictions of each run by the others (`held_out`).
+//! intervals (`numbers`, `profiles`), words (`conclude`), an uncertainty budget (`budget`) with the scatter between repeats beside it
+//! (`repeats`), and predictions of each run by the others (`held_out`).
 //!
 //! ```
 //! use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
@@ -43,6 +44,7 @@ mod numbers;
 mod options;
 mod profiles;
 mod refit;
+mod repeats;
 #[cfg(test)]
 mod tests;
 

@@ -1,13 +1,15 @@
 //! Simulated runs through the whole way.
 
 use crate::{EstimateError, ModelChoice, Options, identify, refit};
-use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};
+use hydroline_core::run::{Channel, Command, Joined, PerChannel, Run, Sample};
+use hydroline_identify::Identification;
 use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::{EffectStack, Trajectory, vehicle::Hydrodynamics};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
+use std::collections::BTreeMap;
 
 const QUICK: Options<'_> = Options {
     model: ModelChoice::Auto,
@@ -21,13 +23,22 @@ const QUICK: Options<'_> = Options {
 
 /// Surge at 25 Hz for 24 s under reversals; from half of it on stamps are `gap_s` later, as of a clock that was set.
 fn reversals(rig: &Rig, gap_s: f64) -> Run {
+    let mut run = by_supply(rig, (1.0, 7));
+    let set = |t_s: &mut f64| *t_s += if *t_s > 12.01 { gap_s } else { 0.0 };
+    run.samples.iter_mut().for_each(|s| set(&mut s.t_s));
+    run.commands.iter_mut().for_each(|c| set(&mut c.t_s));
+    run
+}
+
+/// The same where so much of each load arrives, with the noise of a seed.
+fn by_supply(rig: &Rig, (share, seed): (f64, u64)) -> Run {
     let loads_n = [8.0, -8.0, 6.0, -6.0, 8.0, 0.0];
     let commands = loads_n.iter().enumerate().map(|(k, load_n)| Command {
         t_s: 0.002 + 4.0 * k as f64,
         wrench: [*load_n, 0.0, 0.0, 0.0, 0.0, 0.0],
     });
     let mut run = Run {
-        name: "run".to_owned(),
+        name: format!("run{seed}"),
         commands: commands.collect(),
         ..Run::default()
     };
@@ -37,10 +48,10 @@ fn reversals(rig: &Rig, gap_s: f64) -> Run {
     };
     let mut path = Trajectory::new(model, ModelState::at_rest([0.0; 6]), 0.005).unwrap();
     for c in &run.commands {
-        path.command(c.t_s, c.wrench).unwrap();
+        path.command(c.t_s, c.wrench.map(|w| share * w)).unwrap();
     }
     let noise = Normal::new(0.0, 1.5e-4).unwrap();
-    let mut rng = StdRng::seed_from_u64(7);
+    let mut rng = StdRng::seed_from_u64(seed);
     for k in 0..600_u32 {
         let t_s = 0.04 * f64::from(k);
         let mut values = PerChannel::NAN;
@@ -52,9 +63,6 @@ fn reversals(rig: &Rig, gap_s: f64) -> Run {
             covariance: None,
         });
     }
-    let set = |t_s: &mut f64| *t_s += if *t_s > 12.01 { gap_s } else { 0.0 };
-    run.samples.iter_mut().for_each(|s| set(&mut s.t_s));
-    run.commands.iter_mut().for_each(|c| set(&mut c.t_s));
     run
 }
 
@@ -249,6 +257,10 @@ fn a_line_of_the_budget_is_the_change_that_its_source_makes() {
             );
         }
     }
+    // With its sign: more thrust for the same motion is more mass.
+    let by_thrust = line("thrust scale").sensitivities["x_udot"];
+    let change = of_thrust.value("x_udot").unwrap() - found.value("x_udot").unwrap();
+    assert!(by_thrust < 0.0 && (change / 0.05 / by_thrust - 1.0).abs() < 0.2);
     // The thrust's scale is what these runs say least of.
     for p in found.parameters.values() {
         assert_eq!(p.largest_share.as_deref(), Some("thrust scale"), "{p:?}");
@@ -313,4 +325,88 @@ fn a_deadband_that_nobody_can_see_is_in_the_expanded_uncertainty() {
         .iter()
         .find(|l| l.source == "thruster_deadband");
     assert!(deadband.is_some_and(|l| l.contributions["x_udot"] > p.sd.unwrap()));
+}
+
+/// The clock's offset is a number of the fit: its part of the covariance is a line of its own, and the samples' is what it was without.
+#[test]
+fn the_clock_of_a_joined_log_is_a_line_of_the_budget() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let with = Options {
+        budget: true,
+        ..QUICK
+    };
+    let one = reversals(&rig, 0.0);
+    let mut two = one.clone();
+    two.joined = Some(Joined {
+        is_estimated: false,
+        offset_sd_s: 0.02,
+        drift_sd_ppm: 0.0,
+    });
+    let [one, two] = [one, two].map(|r| identify(&[r], &rig, &with).unwrap());
+    let line = |of: &Identification, source: &str| -> Option<BTreeMap<String, f64>> {
+        let line = of.budget.iter().find(|l| l.source.starts_with(source))?;
+        Some(line.contributions.clone())
+    };
+    assert_eq!(line(&one, "clocks"), None);
+    let (samples, clocks) = (
+        line(&two, "samples").unwrap(),
+        line(&two, "clocks").unwrap(),
+    );
+    for (key, p) in &two.parameters {
+        let sum = samples[key].hypot(clocks[key]);
+        assert!(
+            (sum / p.sd.unwrap() - 1.0).abs() < 1e-6,
+            "{key}: {sum} {p:?}"
+        );
+        let alone = samples[key] / one.parameters[key].sd.unwrap();
+        assert!((0.8..1.25).contains(&alone), "{key}: {alone}");
+    }
+    // A load that comes later and a mass that is larger begin alike.
+    assert!(
+        clocks["x_udot"] > samples["x_udot"],
+        "{clocks:?} {samples:?}"
+    );
+}
+
+/// Of five runs of one plan: where they differ by noise alone the sd by repeats is that of the samples; where a supply differs by
+/// 1 % to either side, each run's coefficients are off in proportion, and their mean by a root of five less.
+#[test]
+fn repeats_of_a_plan_show_what_differs_from_run_to_run() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let with = Options {
+        budget: true,
+        ..QUICK
+    };
+    let fit = |shares: [f64; 5]| {
+        let each = shares.into_iter().zip(21..);
+        let runs: Vec<Run> = each.map(|of| by_supply(&rig, of)).collect();
+        identify(&runs, &rig, &with).unwrap()
+    };
+    let is_of_repeats = |n: &&String| n.contains("repeats of a plan");
+    let alike = fit([1.0; 5]);
+    assert_eq!(alike.notes.iter().find(is_of_repeats), None);
+    for (key, p) in &alike.parameters {
+        let ratio = p.repeat_sd.unwrap() / p.sd.unwrap();
+        println!("{key} {ratio}");
+        // Chi-square of four degrees of freedom: 0.1 % to either side.
+        assert!((0.15..2.2).contains(&ratio), "{key}: {ratio}");
+    }
+    let differing = fit([0.99, 0.995, 1.0, 1.005, 1.01]);
+    println!("{:?}", differing.notes);
+    let share_sd = 0.0079 / 5f64.sqrt();
+    let m = rig.vehicle.mass_kg;
+    for (key, p) in &differing.parameters {
+        let size = match key.as_str() {
+            "x_udot" => m - p.value,
+            _ => p.value.abs(),
+        };
+        let ratio = p.repeat_sd.unwrap() / (share_sd * size);
+        println!("{key} {ratio} {p:?}");
+        assert!((0.7..1.4).contains(&ratio), "{key}: {ratio}");
+        assert!(p.combined_sd >= p.sd, "{key}: it stands beside the sum");
+    }
+    // Two are no repeats.
+    let two = [(1.0, 31), (1.0, 32)].map(|of| by_supply(&rig, of));
+    let found = identify(&two, &rig, &with).unwrap();
+    assert!(found.parameters.values().all(|p| p.repeat_sd.is_none()));
 }

@@ -3,13 +3,15 @@
 //! First-order propagation: the curve's covariance falls into principal directions; along each the
 //! curve is moved by one standard deviation, the runs are loaded and fitted again, and what the
 //! coefficients do is one column of the spread that the bollard pull leaves in them. Deadband,
-//! asymmetry and scale thus enter exactly as the runs use them (JCGM 100:2008, section 5.2).
+//! asymmetry and scale thus enter exactly as the runs use them (JCGM 100:2008, section 5.2). It is a line of the budget, of type B.
 
-use hydroline_numerics::information::correlation;
+use std::collections::BTreeMap;
+
+use hydroline_core::run::Run;
 use hydroline_rigs::Rig;
 use nalgebra::{DMatrix, SymmetricEigen};
 
-use super::outcome::Identification;
+use super::outcome::{BudgetLine, Identification};
 
 /// Directions whose variance is below this share of the largest are left out.
 const NEGLIGIBLE: f64 = 1e-6;
@@ -80,54 +82,53 @@ fn level_falls(points: &mut [(f64, f64)]) {
     }
 }
 
-/// Adds to a result what refits with moved curves found: `values[k]` in the result's order.
-/// Intervals grow about their estimates in proportion to the sd.
+/// Whether the covariance of a bollard pull is what is known of the thrust in these runs: the rig has one of this curve, and the loads
+/// came from pulses.
+pub fn is_measured(rig: &Rig, runs: &[Run]) -> bool {
+    let by_curve = |r: &Run| r.from_pulses || r.largest_wrench().iter().all(|w| *w == 0.0);
+    runs.iter().all(by_curve) && !moved_rigs(rig).is_empty()
+}
+
+/// Takes into a budget what refits with moved curves found: `values[k]` in the result's order. What the samples say stays as it is.
 pub fn widen(result: &mut Identification, values: &[Vec<f64>]) {
-    let n = result.order.len();
     let centre: Vec<f64> = result
         .order
         .iter()
         .map(|k| result.value(k).unwrap_or(f64::NAN))
         .collect();
-    for (i, key) in result.order.iter().enumerate() {
-        let added: f64 = values.iter().map(|v| (v[i] - centre[i]).powi(2)).sum();
-        let Some(p) = result.parameters.get_mut(key) else {
-            continue;
-        };
-        let Some(sd) = p.sd.filter(|sd| *sd > 0.0 && added.is_finite()) else {
-            continue;
-        };
-        let wider = sd.hypot(added.sqrt());
-        p.combined_sd = p.combined_sd.map(|c| c.hypot(added.sqrt()));
-        p.u95 = p.combined_sd.map(|c| 2.0 * c);
-        let about = p.value;
-        let grow = |end: f64| about + (end - about) * wider / sd;
-        (p.low, p.high) = (p.low.map(grow), p.high.map(grow));
-        p.sd = Some(wider);
+    let by_curve = |i: usize, j: usize| -> f64 {
+        let each = values.iter();
+        each.map(|v| (v[i] - centre[i]) * (v[j] - centre[j])).sum()
+    };
+    // Where no budget was made this is all that is known of type B.
+    if result.covariance_combined.is_empty() {
+        result.covariance_combined.clone_from(&result.covariance);
     }
-    let mut whole = DMatrix::from_element(n, n, f64::INFINITY);
-    for i in 0..n {
-        for j in 0..n {
-            let added: f64 = values
-                .iter()
-                .map(|v| (v[i] - centre[i]) * (v[j] - centre[j]))
-                .sum();
-            if let Some(cell) = &mut result.covariance[i][j] {
-                *cell += added;
-                whole[(i, j)] = *cell;
-            } else if i != j {
-                whole[(i, j)] = 0.0;
-            }
-            let combined = result.covariance_combined.get_mut(i);
-            if let Some(cell) = combined.and_then(|row| row[j].as_mut()) {
+    for (i, row) in result.covariance_combined.iter_mut().enumerate() {
+        for (j, cell) in row.iter_mut().enumerate() {
+            let added = by_curve(i, j);
+            if let Some(cell) = cell.as_mut().filter(|_| added.is_finite()) {
                 *cell += added;
             }
         }
     }
-    result.correlation = correlation(&whole)
-        .row_iter()
-        .map(|r| r.iter().copied().collect())
-        .collect();
+    let sd = |i: usize| by_curve(i, i).sqrt();
+    let each = result.order.iter().enumerate();
+    let each = each.map(|(i, key)| (key.clone(), sd(i)));
+    let contributions: BTreeMap<String, f64> = each.filter(|(_, sd)| *sd > 0.0).collect();
+    if !contributions.is_empty() {
+        result.budget.push(BudgetLine {
+            source: "thrust curve".to_owned(),
+            kind: "B".to_owned(),
+            sd: None,
+            unit: "of the curve's points".to_owned(),
+            basis: "[bollard] of the rig".to_owned(),
+            sensitivities: BTreeMap::new(),
+            contributions,
+            reduce: "a bollard pull of more readings".to_owned(),
+        });
+    }
+    result.combine();
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub mod report;
 mod seen;
 
 pub use outcome::{
-    BudgetLine, CrossValidation, Estimate, Identification, Logged, NotIdentifiable, Profile,
-    Residuals, RunSummary, SlotNoise, Trace,
+    BudgetLine, COVERAGE, CrossValidation, Estimate, Identification, Logged, NotIdentifiable,
+    Profile, Residuals, RunSummary, SlotNoise, Trace,
 };
 pub use seen::{Seen, seen};

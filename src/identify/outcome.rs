@@ -19,6 +19,9 @@ pub struct Estimate {
     pub value: f64,
     /// Standard deviation by the samples (Type A); `None` = the runs say nothing about it.
     pub sd: Option<f64>,
+    /// The same by the scatter between repeats of a plan, where it has three or more: beside `sd`, in no sum.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repeat_sd: Option<f64>,
     /// Combined standard uncertainty: with what the fit takes as known and is not (Type B, `budget`).
     pub combined_sd: Option<f64>,
     /// Expanded uncertainty, twice the combined one: the value lies within it in some 95 % of cases.
@@ -156,19 +159,18 @@ pub struct BudgetLine {
     pub unit: String,
     /// Reason for that sd: `the rig`, `assumed`, `blind spot` or where else it is from.
     pub basis: String,
+    /// Change of each coefficient by one unit of the source, by key \[the coefficient's unit over the source's\]; none where the source is
+    /// several numbers, or has no unit.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub sensitivities: BTreeMap<String, f64>,
     /// Standard uncertainty of each coefficient by this source, by key \[the coefficient's unit\].
     pub contributions: BTreeMap<String, f64>,
     /// Measurement that would reduce it.
     pub reduce: String,
 }
 
-impl BudgetLine {
-    /// Change of a coefficient by one unit of the source; `None` where the source has no unit.
-    pub fn sensitivity(&self, key: &str) -> Option<f64> {
-        let sd = self.sd.filter(|sd| *sd > 0.0)?;
-        self.contributions.get(key).map(|c| c / sd)
-    }
-}
+/// Coverage factor of the expanded uncertainty (GUM, 6.2): about 95 %.
+pub const COVERAGE: f64 = 2.0;
 
 /// Series for plots; not in the JSON.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -262,6 +264,26 @@ impl Identification {
                 held.join(", ")
             )
         })
+    }
+
+    /// Writes the combined and expanded uncertainty of each coefficient, and its largest share: of the combined covariance and the budget.
+    pub fn combine(&mut self) {
+        for (i, key) in self.order.iter().enumerate() {
+            let Some(p) = self.parameters.get_mut(key) else {
+                continue;
+            };
+            let row = self.covariance_combined.get(i);
+            let variance = row.and_then(|row| row.get(i).copied().flatten());
+            p.combined_sd = variance.map(f64::sqrt);
+            p.u95 = p.combined_sd.map(|sd| COVERAGE * sd);
+            let of = |l: &BudgetLine| l.contributions.get(key).copied().unwrap_or(0.0);
+            let largest = self
+                .budget
+                .iter()
+                .max_by(|a, b| of(a).total_cmp(&of(b)))
+                .filter(|l| of(l) > 0.0);
+            p.largest_share = largest.map(|l| l.source.clone());
+        }
     }
 
     /// Value of a coefficient by key.

@@ -4,7 +4,9 @@
 mod figures;
 mod sentence;
 
-use super::outcome::{Identification, Trace};
+use std::collections::BTreeMap;
+
+use super::outcome::{BudgetLine, Estimate, Identification, Trace};
 use hydroline_numerics::statistics::Whiteness;
 use hydroline_report::page::{Row, Value};
 use hydroline_report::{Body, Inline, Page, Table, significant};
@@ -135,40 +137,70 @@ fn coefficients(b: &mut Body, result: &Identification) {
     b.table(table);
 }
 
-/// Sources of uncertainty, with what each does to each coefficient.
+/// Sources of uncertainty, with what each does to each coefficient, and their sum.
 fn budget(b: &mut Body, result: &Identification) {
     if result.budget.is_empty() {
         return;
     }
     b.section("Uncertainty budget");
-    b.paragraph("Standard uncertainty of each coefficient by each source (JCGM 100:2008), in the coefficient's unit. A source of type B is a number that the fit takes as known.");
+    b.paragraph("Standard uncertainty of each coefficient by each source (JCGM 100:2008), in the coefficient's unit. A source of type B is a number that the fit takes as known; combined is the root of the sum of squares.");
+    let keys = || result.order.iter().cloned();
     let head = ["source", "type", "sd", "basis"].map(str::to_owned);
-    let keys = result.order.iter().cloned();
-    let mut table = Table::new(
-        head.into_iter()
-            .chain(keys)
-            .chain(["reduced by".to_owned()]),
-    );
+    let last = ["reduced by".to_owned()];
+    let mut table = Table::new(head.into_iter().chain(keys()).chain(last));
     for line in &result.budget {
-        let sd = line.sd.map_or_else(
-            || line.unit.clone(),
-            |sd| format!("{} {}", significant(sd), line.unit),
-        );
-        let of = |key: &String| line.contributions.get(key).copied();
-        let shares = result
-            .order
-            .iter()
-            .map(|key| of(key).map_or("-".to_owned(), significant));
         let head = [
             line.source.clone(),
             line.kind.clone(),
-            sd,
+            sd_of(line),
             line.basis.clone(),
         ];
-        let cells = head.into_iter().chain(shares).chain([line.reduce.clone()]);
+        let cells = head
+            .into_iter()
+            .chain(shares(result, &line.contributions))
+            .chain([line.reduce.clone()]);
         table.row(cells);
     }
+    let mut sum = |name: &str, of: fn(&Estimate) -> Option<f64>| {
+        let all = keys().map(|key| result.parameters.get(&key).and_then(of));
+        let each = all.map(|v| v.map_or("-".to_owned(), significant));
+        let head = [name.to_owned(), String::new(), String::new(), String::new()];
+        table.row(head.into_iter().chain(each).chain([String::new()]));
+    };
+    sum("combined", |p| p.combined_sd);
+    sum("U95", |p| p.u95);
+    if result.parameters.values().any(|p| p.repeat_sd.is_some()) {
+        sum("beside it: samples, by repeats of a plan", |p| p.repeat_sd);
+    }
     b.table(table);
+    let with_unit = |l: &&BudgetLine| !l.sensitivities.is_empty();
+    let lines: Vec<&BudgetLine> = result.budget.iter().filter(with_unit).collect();
+    if lines.is_empty() {
+        return;
+    }
+    b.paragraph("Sensitivities: change of each coefficient by one unit of the source.");
+    let head = ["source", "unit"].map(str::to_owned);
+    let mut table = Table::new(head.into_iter().chain(keys()));
+    for line in lines {
+        let head = [line.source.clone(), line.unit.clone()];
+        table.row(head.into_iter().chain(shares(result, &line.sensitivities)));
+    }
+    b.table(table);
+}
+
+/// sd of a source with its unit; the unit alone where it has none.
+fn sd_of(line: &BudgetLine) -> String {
+    line.sd.map_or_else(
+        || line.unit.clone(),
+        |sd| format!("{} {}", significant(sd), line.unit),
+    )
+}
+
+/// A number of each coefficient, in the result's order.
+fn shares(result: &Identification, of: &BTreeMap<String, f64>) -> Vec<String> {
+    let each = result.order.iter();
+    each.map(|key| of.get(key).copied().map_or("-".to_owned(), significant))
+        .collect()
 }
 
 fn correlations(b: &mut Body, result: &Identification) {

@@ -65,6 +65,7 @@ mod tests {
             unit: "kg/s".to_owned(),
             value: -12.5,
             sd: Some(0.5),
+            repeat_sd: None,
             combined_sd: None,
             u95: None,
             largest_share: None,
