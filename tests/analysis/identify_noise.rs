@@ -211,7 +211,14 @@ fn a_channel_louder_than_at_rest_is_named_among_quiet_ones() {
     let mut grown_ln = Vec::new();
     for seed in 3..6 {
         let mut runs: Vec<Run> = surge_runs(&rig.vehicle, WHITE, seed).drain(1..3).collect();
-        runs.push(simulated(&rig.vehicle, "still", &[], 30.0, WHITE, 74 + seed));
+        runs.push(simulated(
+            &rig.vehicle,
+            "still",
+            &[],
+            30.0,
+            WHITE,
+            74 + seed,
+        ));
         let quiet = identify(&runs, &rig, &options).unwrap();
         assert!(quiet.misfit.is_empty(), "{:?}", quiet.misfit);
         let mut rng = StdRng::seed_from_u64(1 + seed);
