@@ -305,7 +305,7 @@ mod tests {
         assert!(of("logs").positional && of("logs").several);
         assert_eq!(of("from").kind, Kind::Number);
         assert_eq!(of("from-rest").kind, Kind::Flag);
-        assert!(of("rig").required && !of("logs").required);
+        assert!(!of("rig").required && !of("logs").required);
         assert_eq!(of("from").default.as_deref(), Some("0"));
         let (_, simulate) = definition("simulate").unwrap();
         let seed = simulate.iter().find(|a| a.name == "seed").unwrap();

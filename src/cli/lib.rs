@@ -213,7 +213,7 @@ Examples:
     Reproduce(reproduce::Args),
     /// Many logs: grouped, examined, fitted, compared
     Campaign(campaign::Args),
-    /// Runs as a data set for another group: data card, list of runs, tables in SI
+    /// Data set of runs for another group: data card, tables in SI
     Publish(publish::Args),
     /// Sealed cases, diagnosed blind, beside an ideal observer
     #[cfg(feature = "lab")]

@@ -45,7 +45,7 @@ Examples:
   hydroline prove --only single-7            # one case: whole verdict and key
   hydroline prove --images 90                # camera, sheet, target, water, light, or none
   hydroline prove --coupled 24               # surge, sway and yaw driven at once
-  hydroline prove --held-out 80              # runs held out: missed and to be said, or inside and not
+  hydroline prove --held-out 80              # runs held out that are missed, or not
   hydroline prove --invariance 20            # rig scaled, a run cut in two, runs reordered
   hydroline prove --cases 46 --export cases  # tables for other tools, keys apart
 

@@ -202,9 +202,7 @@ fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<V
         let of = problem.normal(&simulated, *d, fit.cells.misfit[*d], size);
         information += of.information;
     }
-    let known = numbers
-        .covariance
-        .map(|v| if v.is_finite() { v } else { 0.0 });
+    let known = numbers.at_mode.map(|v| if v.is_finite() { v } else { 0.0 });
     let each = all.iter().enumerate().map(|(k, consider)| {
         let shared = (0..n).map(|i| information[(i, n + k)] / numbers.slopes[i]);
         let shared = DVector::from_iterator(n, shared);

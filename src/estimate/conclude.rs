@@ -178,7 +178,8 @@ impl Concluding<'_> {
             let held = self.fitted.held.contains(c);
             let size = value.abs().max(c.size(self.rig));
             let excited = !held && by_runs.is_finite() && by_runs < UNEXCITED * size;
-            let alone = place.map_or(sd, |p| self.numbers.covariance[(p, p)].sqrt());
+            // A profile is that of the chosen random force.
+            let alone = place.map_or(sd, |p| self.numbers.at_mode[(p, p)].sqrt());
             // What all samples have alike widens a profile as it widens the sd.
             let profile = place.and_then(|p| profiles.remove(&p)).map(|p| Profile {
                 low: value + (p.low - value) * sd / alone,

@@ -13,13 +13,28 @@ use super::fitted::Fitted;
 /// A direction whose information is below this share of the largest (after scaling every number to unit information) is rounding.
 const RANK: f64 = 1e-11;
 
+/// Probability of a cell of the random force below which its share of the covariance is not asked for: 60 of them are a tenth.
+const LEAST: f64 = 2e-3;
+
+/// Another cell of a DOF's random force.
+struct OtherForce {
+    probability: f64,
+    /// Information that it has more than the one chosen.
+    more: DMatrix<f64>,
+    /// Gradient of the cost where the numbers are; a column.
+    pull: DMatrix<f64>,
+}
+
 /// Values of a mode with what is known of them: the vehicle's own numbers first, then each run's start.
 pub(crate) struct Numbers {
     pub values: Vec<f64>,
     /// Natural number by the scaled one.
     pub slopes: Vec<f64>,
-    /// Posterior covariance; of what is held as the rig knows it.
+    /// Posterior covariance, over all cells of the random force by their probabilities (law of total covariance, the mode under another
+    /// cell one Newton step away); of what is held as the rig knows it.
     pub covariance: DMatrix<f64>,
+    /// The same under the chosen cells alone: what a change of the data or of a number held does to the mode.
+    pub at_mode: DMatrix<f64>,
     /// The same with what is held known, and without the priors of coefficients: what the runs say.
     pub beside_held: DMatrix<f64>,
     /// Information of the data by DOF.
@@ -87,10 +102,56 @@ impl Numbers {
             beside[(i, i)] = 1.0;
         }
         let covariance = |of: &DMatrix<f64>| Covariance::of_information(of, RANK).with_infinities();
+        let other_forces = || -> Vec<OtherForce> {
+            let all = &all;
+            let slopes = &slopes;
+            let each = fit.forces.iter().flat_map(|(d, cells)| {
+                let chosen = problem.normal(all, *d, fit.cells.misfit[*d], n);
+                let others = cells
+                    .iter()
+                    .filter(|c| c.1 > LEAST && c.0 != fit.cells.misfit[*d]);
+                let made: Vec<_> = others
+                    .map(|(cell, probability)| {
+                        let other = problem.normal(all, *d, *cell, n);
+                        let by = |i: usize, j: usize| {
+                            (other.information[(i, j)] - chosen.information[(i, j)])
+                                / (slopes[i] * slopes[j])
+                        };
+                        let pull =
+                            |i: usize, _| (other.gradient[i] - chosen.gradient[i]) / slopes[i];
+                        OtherForce {
+                            probability: *probability,
+                            more: DMatrix::from_fn(n, n, by),
+                            pull: DMatrix::from_fn(n, 1, pull),
+                        }
+                    })
+                    .collect();
+                made
+            });
+            each.collect()
+        };
+        let covariance_of_all = |whole: &DMatrix<f64>| {
+            let here = covariance(whole);
+            let mut made = here.clone();
+            for other in other_forces() {
+                let there = covariance(&(whole + &other.more));
+                let away = &there * &other.pull;
+                let change = &there - &here + &away * away.transpose();
+                // Directions of which nobody knows anything stay so.
+                made.zip_apply(&change, |m, c| {
+                    if m.is_finite() && c.is_finite() {
+                        *m += other.probability * c;
+                    }
+                });
+            }
+            made
+        };
+        let covariance_whole = covariance_of_all(&whole);
         Some(Numbers {
             values: natural.iter().map(|v| v.0).collect(),
-            slopes,
-            covariance: covariance(&whole),
+            slopes: slopes.clone(),
+            covariance: covariance_whole,
+            at_mode: covariance(&whole),
             beside_held: covariance(&beside),
             by_dof,
         })

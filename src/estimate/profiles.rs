@@ -125,7 +125,7 @@ pub(crate) fn profiles(
         if spent >= budget {
             return None;
         }
-        let covariance = &numbers.covariance;
+        let covariance = &numbers.at_mode;
         let column: Vec<f64> = covariance.column(index).iter().copied().collect();
         let ridge = Ridge {
             fitted,

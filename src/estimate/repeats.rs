@@ -45,7 +45,7 @@ pub(crate) fn add_repeats(
         .collect();
     let own = &fitted.problem.body.own;
     let n = own.len();
-    let known = numbers.covariance.view((0, 0), (n, n));
+    let known = numbers.at_mode.view((0, 0), (n, n));
     let known = known.map(|v| if v.is_finite() { v } else { 0.0 });
     // Of each number: variance that samples give it by these runs, that by their scatter, and the test of the two.
     let (mut by_samples, mut by_scatter) = (DVector::<f64>::zeros(n), DVector::<f64>::zeros(n));

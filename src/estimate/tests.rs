@@ -1,5 +1,6 @@
 //! Simulated runs through the whole way.
 
+#[path = "tests/unit/budget.rs"]
 mod budget;
 
 use crate::{EstimateError, ModelChoice, Options, identify, refit};

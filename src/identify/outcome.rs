@@ -157,7 +157,7 @@ pub struct BudgetLine {
     pub sd: Option<f64>,
     /// Unit of the source; 1 = a share.
     pub unit: String,
-    /// Reason for that sd: `the rig`, `assumed`, `blind spot` or where else it is from.
+    /// Reason for that sd: `the rig`, `assumed`, `not identifiable` or where else it is from.
     pub basis: String,
     /// Change of each coefficient by one unit of the source, by key \[the coefficient's unit over the source's\]; none where the source is
     /// several numbers, or has no unit.

@@ -167,14 +167,14 @@ impl<'a> Equations<'a> {
         (cells, best)
     }
 
-    /// Per DOF the probabilities of all sizes, and the log of the sum over cells over the chosen one.
-    pub fn sizes(
+    /// Per DOF the probabilities of the random force's cells, and the log of the sum over cells over the chosen one.
+    pub fn forces(
         &mut self,
         all: &[Simulated],
         cells: &Cells,
         number_prior: &NumberPrior,
         at: &[f64],
-    ) -> (Vec<(usize, Vec<f64>)>, f64) {
+    ) -> (Vec<(usize, Vec<(Cell, f64)>)>, f64) {
         let dofs = self.problem.body.dofs.clone();
         let median = self.problem.body.prior.misfit_over_tolerance;
         let best = self.restricted(all, cells, number_prior, at);
@@ -188,7 +188,7 @@ impl<'a> Equations<'a> {
             let chosen = cells.table(block.candidate).ln_prior(block.median);
             more += each.sum::<f64>().ln() + chosen;
         }
-        let mut sizes = Vec::new();
+        let mut forces = Vec::new();
         for &d in &dofs {
             let mut found: BTreeMap<Cell, f64> = BTreeMap::new();
             for correlation in 0..CORRELATIONS_S.len() {
@@ -224,21 +224,21 @@ impl<'a> Equations<'a> {
                 }
             }
             let reference = found.values().copied().fold(f64::INFINITY, f64::min);
-            let mut by_size = vec![0.0; SIZES.len()];
-            for (cell, cost) in &found {
-                by_size[cell.size] += (reference - cost + ln_prior(*cell, median)).exp();
-            }
-            let sum: f64 = by_size.iter().sum();
+            let mut each: Vec<(Cell, f64)> = found
+                .iter()
+                .map(|(cell, cost)| (*cell, (reference - cost + ln_prior(*cell, median)).exp()))
+                .collect();
+            let sum: f64 = each.iter().map(|c| c.1).sum();
+            each.iter_mut().for_each(|c| c.1 /= sum);
+            forces.push((d, each));
             let chosen = found.get(&cells.misfit[d]).copied().unwrap_or(reference);
             let own = ln_prior(cells.misfit[d], median);
             let each = found
                 .iter()
                 .map(|(cell, cost)| beside(chosen - cost + ln_prior(*cell, median) - own));
             more += each.sum::<f64>().ln() + own;
-            by_size.iter_mut().for_each(|p| *p /= sum);
-            sizes.push((d, by_size));
         }
-        (sizes, more)
+        (forces, more)
     }
 }
 

@@ -98,8 +98,8 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Minus log posterior density at the mode, without the constant.
     pub cost: f64,
-    /// Probabilities of the random force's sizes per DOF.
-    pub sizes: Vec<(usize, Vec<f64>)>,
+    /// Per DOF the random force's cells with their probabilities, the others as they are chosen.
+    pub forces: Vec<(usize, Vec<(Cell, f64)>)>,
 }
 
 impl Fit {
@@ -113,7 +113,7 @@ impl Fit {
             ln_evidence: f64::NEG_INFINITY,
             ln_score: f64::NEG_INFINITY,
             cost: f64::INFINITY,
-            sizes: Vec::new(),
+            forces: Vec::new(),
         }
     }
 }
@@ -507,9 +507,9 @@ impl Problem {
         } = descent;
         let (information, _, cost) = equations.sum(&all, &cells, &number_prior, &at);
         let root = Cholesky::new(information)?;
-        let (sizes, more) = match effort.forces_held {
+        let (forces, more) = match effort.forces_held {
             true => (Vec::new(), 0.0),
-            false => equations.sizes(&all, &cells, &number_prior, &at),
+            false => equations.forces(&all, &cells, &number_prior, &at),
         };
         let used: usize = self
             .noises
@@ -531,7 +531,7 @@ impl Problem {
             ln_score: 0.0,
             covariance: root.inverse(),
             cost,
-            sizes,
+            forces,
         };
         made.ln_score = made.ln_evidence + self.ln_prior(terms);
         made.ln_score.is_finite().then_some(made)

@@ -8,15 +8,16 @@ pub const UNNAMED: f64 = 0.5;
 
 /// Probability that the random force of a DOF is worth more than the tolerance, beside one model.
 pub fn above_tolerance(fit: &super::fit::Fit, dof: usize) -> f64 {
-    let sizes = fit.sizes.iter().find(|s| s.0 == dof);
-    sizes.map_or(0.0, |s| {
+    let cells = fit.forces.iter().find(|s| s.0 == dof);
+    cells.map_or(0.0, |cells| {
         // A cell reaches half-way to its neighbours: half of the tolerance's own lies above it.
         let above = |size: f64| match size {
             s if s > 1.0 => 1.0,
             1.0 => 0.5,
             _ => 0.0,
         };
-        s.1.iter().zip(SIZES).map(|(p, size)| p * above(size)).sum()
+        let each = cells.1.iter();
+        each.map(|(cell, p)| p * above(SIZES[cell.size])).sum()
     })
 }
 

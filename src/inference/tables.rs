@@ -35,8 +35,8 @@ pub(super) struct TableGain {
 impl Problem {
     /// DOFs in which a model leaves a random force of at least this many tolerances.
     fn lacking(&self, fit: &Fit, least: f64) -> Vec<usize> {
-        let some = fit.sizes.iter().filter(|(_, sizes)| {
-            let large = SIZES.iter().zip(sizes).filter(|(s, _)| **s >= least);
+        let some = fit.forces.iter().filter(|(_, cells)| {
+            let large = cells.iter().filter(|(cell, _)| SIZES[cell.size] >= least);
             large.map(|(_, p)| p).sum::<f64>() >= ASKED
         });
         some.map(|(d, _)| *d).collect()

@@ -147,7 +147,7 @@ impl Sources<'_> {
             source: id.to_owned(),
             sd: None,
             unit: "typical size",
-            basis: "blind spot: these runs cannot show it".to_owned(),
+            basis: "not identifiable with these runs".to_owned(),
             reduce: "a run that shows it (hydroline diagnose names the plan)".to_owned(),
             moved,
             is_effect: true,
