@@ -29,6 +29,9 @@ def simulate(
     board_offset_m: float = 0.0,
     note: Optional[str] = None,
     tank: Optional[RigLike] = None,
+    draw: Optional[int] = None,
+    draw_from: Optional[PathLike] = None,
+    draw_seed: int = 1,
     start: Optional[int] = None,
     progress: Progress = None,
 ) -> Simulation:
@@ -49,6 +52,10 @@ def simulate(
     board_offset_m: With --show-board: its face stands so far behind the sheet [m]; negative = in front
     note: Free text for the log
     tank: Simulates the vehicle of this rig, with its thrusters' curves and [[physics]]; the log names --rig only
+    draw: Simulates draw N of the rig's uncertainty (1 is the first row of `model --draws`); the log names --rig
+        only
+    draw_from: With --draw: what identify --json or diagnose --json printed, in place of the rig's [identified]
+    draw_seed: With --draw: seed of the draws, as that of `model --draws`
     start: The log's first second, e.g. 2026-05-04T09:30:00Z; default: 2020-09-13T12:26:40Z
     progress: a function of (stage, done, of), a tqdm bar or its class
 
@@ -60,13 +67,13 @@ def simulate(
     >>> read(run.log).motion["x_m"].shape
     (...,)
     """
-    return Simulation(call("simulate", "simulate", {"rig": rig, "plan": plan, "out": out, "seed": seed, "motion_only": motion_only, "position_noise_m": position_noise_m, "attitude_noise_rad": attitude_noise_rad, "tail": tail, "show_board": show_board, "board_offset_m": board_offset_m, "note": note, "tank": tank, "start": start}, progress))
+    return Simulation(call("simulate", "simulate", {"rig": rig, "plan": plan, "out": out, "seed": seed, "motion_only": motion_only, "position_noise_m": position_noise_m, "attitude_noise_rad": attitude_noise_rad, "tail": tail, "show_board": show_board, "board_offset_m": board_offset_m, "note": note, "tank": tank, "draw": draw, "draw_from": draw_from, "draw_seed": draw_seed, "start": start}, progress))
 
 
 def predict(
     *,
-    rig: RigLike,
     plan: PlanLike,
+    rig: Optional[RigLike] = None,
     identified: Optional[PathLike] = None,
     rate: float = 25.0,
     tail: float = 0.0,
@@ -81,14 +88,15 @@ def predict(
     The arguments are those of ``hydroline predict``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
-    rig: Rig file or built-in name
     plan: Plan file or built-in name
+    rig: Rig file or built-in name. Without it the rig that the log of --measured carries
     identified: Output of `identify --json`: its coefficients replace the rig's, its covariance makes the band (a
         rig that `identify --write-rig` wrote has both in it)
     rate: Rows per second
     tail: Goes on for this long after the plan's last step (coasting) [s]
     measured: A measured run of the plan: a log with /vehicle/motion (hydroline replay makes it from images),
-        compared with the prediction: rms residual of each DOF, and its motion in the report's figures
+        compared with the prediction: rms residual of each DOF, and its motion in the report's figures. LOG@9..34 is
+        a window of one
     other_rig: Takes a log whose own rig is another vehicle (name, mass or thrusters)
     report: Writes DIR/predict.html (the report) and predict.svg (its figures)
     force: Replaces result files that are there already (logs are never replaced)
@@ -99,13 +107,13 @@ def predict(
     >>> predict(rig="lshpi", plan="surge-4n", rate=10)
     <hydroline.Prediction: ... times from 0 to ... s, without a band>
     """
-    return Prediction(call("predict", "predict", {"rig": rig, "plan": plan, "identified": identified, "rate": rate, "tail": tail, "measured": measured, "other_rig": other_rig, "report": report, "force": force}, progress))
+    return Prediction(call("predict", "predict", {"plan": plan, "rig": rig, "identified": identified, "rate": rate, "tail": tail, "measured": measured, "other_rig": other_rig, "report": report, "force": force}, progress))
 
 
 def identify(
-    logs: Paths = (),
+    logs: Union[str, Sequence[str]] = (),
     *,
-    rig: RigLike,
+    rig: Optional[RigLike] = None,
     model: str = "auto",
     fix: Union[str, Sequence[str]] = (),
     from_rest: bool = False,
@@ -126,22 +134,25 @@ def identify(
     The arguments are those of ``hydroline identify``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
-    logs: Logs, all of the same vehicle
-    rig: Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients
+    logs: Logs, all of the same vehicle, folders of logs, or names with * or ? in quotes; LOG@9..34 is a window of
+        one, in seconds since its first stamp
+    rig: Rig file or built-in name: mass, inertia, thrusters, and the priors of the coefficients. Without it the rig
+        that the logs carry, where all carry the same
     model: surge .. yaw (one DOF), coupled (the rig's model, all DOFs measured), or auto
     fix: Coefficient to keep as the rig has it, e.g. k_pp (repeatable)
     from_rest: Every run starts at rest: initial velocities are known
     from_: Only motion from this time of each log on [s]
     to: Only motion up to this time of each log [s]
-    flat_priors: Maximum likelihood: priors of coefficients and starts say nothing; what the runs do not determine is
-        held at the rig's value
+    flat_priors: Maximum likelihood: priors of coefficients and starts say nothing; what the runs do not determine
+        is held at the rig's value
     bollard: Readings of a bollard pull (pulse_us,thrust_n[,voltage_v]): fits the thrusters' curve, and uses it for
         the logs given, which makes the thrust scale identifiable
     write_rig: Writes the rig with what was found: coefficients that the runs determine, with their covariance
-        ([identified]; predict makes its band of it), and the curve of a bollard pull with its covariance
-        ([bollard]; later fits carry it in their intervals). What was not determined keeps the rig's value with its
-        uncertainty, and is named. A new curve ends the [identified] of the old one
-    still: A log of the plan `still` (>= 20 s at rest): its noise is used for the fit
+        ([identified], of the whole budget; predict makes its band of it), and the curve of a bollard pull with its
+        covariance ([bollard]; later fits carry it in their budgets). What was not determined keeps the rig's value
+        with its uncertainty, and is named. A new curve ends the [identified] of the old one
+    still: A log of the plan `still` (>= 20 s at rest): its noise is the least that is looked for in the others.
+        LOG@0..30 is a window of one
     other_rig: Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file
         that is right for these logs too
     fail_on: Ends with exit code 1 when the result holds this (several with commas), for scripts (misfit)
@@ -161,13 +172,14 @@ def identify(
 
 
 def diagnose(
-    logs: Paths,
+    logs: Union[str, Sequence[str]],
     *,
-    rig: RigLike,
+    rig: Optional[RigLike] = None,
     hold_out: Paths = (),
     other_rig: bool = False,
     accept_faults: bool = False,
     given: Union[str, Sequence[str]] = (),
+    fail_on: Union[Literal["misfit"], Sequence[Literal["misfit"]]] = (),
     time_limit: Time = "120s",
     report: Optional[PathLike] = None,
     write_rig: Optional[PathLike] = None,
@@ -179,8 +191,10 @@ def diagnose(
     The arguments are those of ``hydroline diagnose``, and so is the result: ``to_dict()`` is what it prints with
     ``--json``. The GIL is released; Ctrl-C ends it within a second.
 
-    logs: Logs to explain, all of the same vehicle; LOG@9..34 is a window of one, in seconds since its first stamp
-    rig: Rig file or built-in name: the model that is asked what it left out
+    logs: Logs to explain, all of the same vehicle, folders of logs, or names with * or ? in quotes; LOG@9..34 is a
+        window of one, in seconds since its first stamp
+    rig: Rig file or built-in name: the model that is asked what it left out. Without it the rig that the logs
+        carry, where all carry the same
     hold_out: Log that is predicted and never fitted (repeatable): it chooses nothing and shows how well the verdict
         predicts; without any, each run is predicted by the others. LOG@34..64 is a window of one
     other_rig: Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file
@@ -188,6 +202,7 @@ def diagnose(
     accept_faults: Goes on although the data are at fault: what stands in the verdict then may be the fault's doing
     given: Degree of freedom whose measured motion is an input and not to be explained (surge, sway, heave, roll,
         pitch, yaw; repeatable, or with commas): a towed or steered hull, a carriage
+    fail_on: Ends with exit code 1 when the result holds this (several with commas), for scripts (misfit)
     time_limit: Time after which a diagnosis ends with the verdict so far, marked so and with what was still open;
         none = it goes on to its end
     report: Writes DIR/diagnose.html (the report), before-after.svg (its figure), diagnose.json, and next.toml: the
@@ -202,7 +217,7 @@ def diagnose(
     >>> found.verdict in ("none", "named", "ambiguous", "unknown", "data_fault")
     True
     """
-    return Diagnosis(call("diagnose", "diagnose", {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "time_limit": time_limit, "report": report, "write_rig": write_rig, "force": force}, progress))
+    return Diagnosis(call("diagnose", "diagnose", {"logs": logs, "rig": rig, "hold_out": hold_out, "other_rig": other_rig, "accept_faults": accept_faults, "given": given, "fail_on": fail_on, "time_limit": time_limit, "report": report, "write_rig": write_rig, "force": force}, progress))
 
 
 def doctor(
