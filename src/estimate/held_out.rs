@@ -28,7 +28,7 @@ pub(crate) fn cross_validate(fitted: &Fitted, rig: &Rig) -> Vec<CrossValidation>
             let c = body.own[*i].coefficient();
             let size = c.map_or(1.0, |c| c.size(rig).max(numbers.values[*i].abs()));
             let sd = numbers.beside_held[(*i, *i)].sqrt();
-            !(sd < UNEXCITED * size)
+            sd.is_nan() || sd >= UNEXCITED * size
         };
         let open = (0..body.own.len()).filter(is_open);
         Some(CrossValidation {

@@ -183,12 +183,15 @@ fn pushes(run: &Recorded) -> Vec<(f64, [f64; 6])> {
     each.map(|(t_s, wrench)| (t_s - first_s, *wrench)).collect()
 }
 
+/// Time of a command \[s\] and the wrench from then on \[N, N m\].
+type Push = (f64, [f64; 6]);
+
 /// Whether two runs are of one plan.
 fn is_repeat(a: &Recorded, b: &Recorded) -> bool {
     let (a, b) = (pushes(a), pushes(b));
     let loads = || a.iter().chain(&b).flat_map(|p| p.1);
     let most = loads().fold(0.0_f64, |m, w| m.max(w.abs()));
-    let alike = |(a, b): (&(f64, [f64; 6]), &(f64, [f64; 6]))| {
+    let alike = |(a, b): (&Push, &Push)| {
         let mut pairs = a.1.iter().zip(&b.1);
         (a.0 - b.0).abs() < ALIKE_S && pairs.all(|(a, b)| (a - b).abs() <= ALIKE_SHARE * most)
     };

@@ -8,7 +8,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::Simulated;
 use super::fit::{Normal, Problem, ln_determinant};
-use super::hyper::{CORRELATIONS_S, Cell, Cells, SIZES, ln_prior};
+use super::hyper::{CORRELATIONS_S, Cell, Cells, Forces, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
 use super::table::TableCell;
 use hydroline_numerics::{cancel, parallel};
@@ -174,7 +174,7 @@ impl<'a> Equations<'a> {
         cells: &Cells,
         number_prior: &NumberPrior,
         at: &[f64],
-    ) -> (Vec<(usize, Vec<(Cell, f64)>)>, f64) {
+    ) -> (Forces, f64) {
         let dofs = self.problem.body.dofs.clone();
         let median = self.problem.body.prior.misfit_over_tolerance;
         let best = self.restricted(all, cells, number_prior, at);

@@ -14,7 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
 use super::filter::Filter;
-use super::hyper::{Cell, Cells, Noises, Worth, filters, ln_prior, ln_sum};
+use super::hyper::{Cell, Cells, Forces, Noises, Worth, filters, ln_prior, ln_sum};
 use super::noise::estimate;
 use super::number_prior::NumberPrior;
 use super::prior::PriorTable;
@@ -99,7 +99,7 @@ pub struct Fit {
     /// Minus log posterior density at the mode, without the constant.
     pub cost: f64,
     /// Per DOF the random force's cells with their probabilities, the others as they are chosen.
-    pub forces: Vec<(usize, Vec<(Cell, f64)>)>,
+    pub forces: Forces,
 }
 
 impl Fit {

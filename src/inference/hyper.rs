@@ -98,6 +98,8 @@ impl Cell {
     }
 }
 
+/// Per DOF the random force's cells with their probabilities.
+pub type Forces = Vec<(usize, Vec<(Cell, f64)>)>;
 /// Random forces of all DOFs.
 pub type Misfit = [Cell; 6];
 /// Size and length of each table, by its candidate.

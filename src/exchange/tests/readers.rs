@@ -1,5 +1,7 @@
 //! Written files in their own readers: Python, CasADi, FMPy, NumPy, Octave, libsdformat. `tests/nightly exchange` installs them.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
 use hydroline_exchange::draws::{drawn, of_rig, table};
 use hydroline_exchange::npz::npz;
 use hydroline_exchange::target::{About, FMU_LIBRARY, Target, export};

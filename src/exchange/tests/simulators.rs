@@ -1,5 +1,7 @@
 //! Files for simulators of bodies, read again: their numbers, integrated as such a simulator does, move as our model.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
 use hydroline_exchange::target::{About, Target, export};
 use hydroline_identify::predict::predict;
 use hydroline_plan::setpoint::setpoint;

@@ -1,5 +1,7 @@
 //! Written files, read again and integrated beside our own simulation.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
 mod reading;
 
 use hydroline_exchange::model::written;
