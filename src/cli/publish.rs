@@ -21,7 +21,7 @@ run: water, distances to walls, floor and surface, waiting time, speeds, amplitu
 measurement, SI), columns.csv (unit and meaning of each column), rig.toml and SHA256SUMS. Frames stay in the logs.
 
 Examples:
-  hydroline publish logs --out data-set --title \"Surge and yaw of my vehicle\" --authors \"A. Author\" --licence CC-BY-4.0
+  hydroline publish logs --out data-set --title \"Surge and yaw\" --licence CC-BY-4.0
   hydroline publish a.mcap b.mcap --rig my.toml --result identified.json --out data-set
 
 Exit codes: 0 done; 1 the files could not be written; 2 no such log, no motion in it, logs of different rigs, or the folder holds such \
