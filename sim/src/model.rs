@@ -154,7 +154,9 @@ impl<T: Real> Model<T> {
 
         let mut drag = equations::damping(h, moment.nu_r);
         self.effects.drag(&moment, &mut drag);
-        let mut force = equations::restoring(h, &attitude, coupled);
+        let (sin_theta, cos_theta) = attitude.theta;
+        let tilt = if coupled { cos_theta } else { T::one() };
+        let mut force = equations::restoring(h, [attitude.phi.0, sin_theta], tilt);
         if let Some(statics) = &h.hydrostatics {
             let water = equations::hydrostatics(statics, &eta, coupled);
             force = std::array::from_fn(|i| force[i] + water[i]);

@@ -9,7 +9,6 @@
 use crate::effect::{EffectStack, Moment};
 use crate::given::Given;
 use crate::real::Real;
-use crate::vehicle::kinematics::Attitude;
 use crate::vehicle::{Hydrodynamics, equations};
 use hydroline_rigs::VehicleModel;
 
@@ -369,7 +368,8 @@ impl<T: Real> Single<T> {
         }
         drag[i] = (h.linear[i] + h.quadratic[i] * m.nu_r[i].abs()) * m.nu_r[i];
         if let 3 | 4 = i {
-            *force = equations::restoring(h, &Attitude::of(m.eta), false);
+            let sines = [m.eta[3].sin(), m.eta[4].sin()];
+            *force = equations::restoring(h, sines, T::one());
         }
         if let Some(statics) = &h.hydrostatics {
             // At rest the others may be tilted: the weight along the line is that of the whole model.

@@ -2,7 +2,7 @@
 
 use super::{Hydrodynamics, Hydrostatics};
 use crate::real::Real;
-use crate::vehicle::kinematics::{Attitude, rotation};
+use crate::vehicle::kinematics::rotation;
 
 /// Coriolis and centripetal terms of Eq. 1 (rigid body plus added mass) \[N, N m\].
 ///
@@ -27,11 +27,9 @@ pub fn damping<T: Real>(h: &Hydrodynamics<T>, nu_r: &[T; 6]) -> [T; 6] {
     std::array::from_fn(|i| (h.linear[i] + h.quadratic[i] * nu_r[i].abs()) * nu_r[i])
 }
 
-/// Restoring moments, W = B: r_Bz m g cos(theta) sin(phi) in roll, r_Bz m g sin(theta) in pitch (Eq. 1).
-pub fn restoring<T: Real>(h: &Hydrodynamics<T>, attitude: &Attitude<T>, coupled: bool) -> [T; 6] {
-    let (sin_phi, (sin_theta, cos_theta)) = (attitude.phi.0, attitude.theta);
-    // The one-DOF roll equation knows no pitch: cos(theta) belongs to Eq. 1 only.
-    let tilt = if coupled { cos_theta } else { T::one() };
+/// Restoring moments, W = B, of the sines of phi and theta: r_Bz m g tilt sin(phi) in roll, r_Bz m g sin(theta) in pitch (Eq. 1).
+/// `tilt` = cos(theta), and 1 in the one-DOF roll equation, which knows no pitch.
+pub fn restoring<T: Real>(h: &Hydrodynamics<T>, [sin_phi, sin_theta]: [T; 2], tilt: T) -> [T; 6] {
     let zero = T::zero();
     [
         zero,
