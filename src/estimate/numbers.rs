@@ -3,7 +3,9 @@
 //! Information is taken by the natural numbers, not by their logarithms: of damping that is as good as none the runs say how large it
 //! may be, while its logarithm is known to nobody. Rounding decides what the runs say nothing of (Golub and Van Loan, section 8.1).
 
-use hydroline_inference::body::Own;
+use hydroline_inference::body::{Own, Simulated};
+use hydroline_inference::fit::Normal;
+use hydroline_inference::prior::Density;
 use hydroline_numerics::information::Covariance;
 use hydroline_rigs::Rig;
 use nalgebra::DMatrix;
@@ -15,15 +17,6 @@ const RANK: f64 = 1e-11;
 
 /// Probability of a cell of the random force below which its share of the covariance is not asked for: 60 of them are a tenth.
 const LEAST: f64 = 2e-3;
-
-/// Another cell of a DOF's random force.
-struct OtherForce {
-    probability: f64,
-    /// Information that it has more than the one chosen.
-    more: DMatrix<f64>,
-    /// Gradient of the cost where the numbers are; a column.
-    pull: DMatrix<f64>,
-}
 
 /// Values of a mode with what is known of them: the vehicle's own numbers first, then each run's start.
 pub(crate) struct Numbers {
@@ -42,18 +35,52 @@ pub(crate) struct Numbers {
 }
 
 /// Prior information of one of the vehicle's numbers, by the number itself.
-fn prior_information(own: &Own, scaled: f64, fitted: &Fitted, rig: &Rig) -> f64 {
+fn prior_information(own: &Own, scaled: f64, density: &Density, fitted: &Fitted, rig: &Rig) -> f64 {
     if let Some(c) = own.coefficient().filter(|_| fitted.is_held(own)) {
         return c.prior_sd(rig).max(1e-9).powi(-2);
     }
-    let prior = &fitted.problem.body.prior;
-    let densities = fitted.problem.body.densities(&[]);
-    let place = fitted.problem.body.own.iter().position(|o| o == own);
-    let density = place.and_then(|i| densities.get(i));
-    match density.filter(|_| !prior.is_flat()) {
-        Some(d) => d.step(scaled).1 / own.unit().powi(2),
-        None => 0.0,
+    match fitted.problem.body.prior.is_flat() {
+        true => 0.0,
+        false => density.step(scaled).1 / own.unit().powi(2),
     }
+}
+
+/// Covariance of an information.
+fn covariance(of: &DMatrix<f64>) -> DMatrix<f64> {
+    Covariance::of_information(of, RANK).with_infinities()
+}
+
+/// Covariance over all cells of the random forces (law of total covariance), from that at the mode on; `whole` = the information there.
+fn over_forces(
+    at_mode: &DMatrix<f64>,
+    whole: &DMatrix<f64>,
+    by_dof: &[(usize, Normal)],
+    natural: impl Fn(Normal) -> Normal,
+    (fitted, all): (&Fitted, &[Simulated]),
+) -> DMatrix<f64> {
+    let (problem, fit) = (&fitted.problem, &fitted.fit);
+    let mut made = at_mode.clone();
+    for (dof, cells) in &fit.forces {
+        let Some((_, chosen)) = by_dof.iter().find(|(d, _)| d == dof) else {
+            continue;
+        };
+        for (cell, probability) in cells {
+            if *probability <= LEAST || *cell == fit.cells.misfit[*dof] {
+                continue;
+            }
+            let other = natural(problem.normal(all, *dof, *cell, whole.nrows()));
+            let there = covariance(&(whole + (other.information - &chosen.information)));
+            let away = &there * (other.gradient - &chosen.gradient);
+            let change = there - at_mode + &away * away.transpose();
+            // Directions of which nobody knows anything stay so.
+            made.zip_apply(&change, |m, c| {
+                if m.is_finite() && c.is_finite() {
+                    *m += probability * c;
+                }
+            });
+        }
+    }
+    made
 }
 
 impl Numbers {
@@ -65,20 +92,23 @@ impl Numbers {
         let natural = body.natural(&[], &fit.point);
         let slopes: Vec<f64> = natural.iter().map(|v| v.1).collect();
         let n = fit.point.len();
-        let by_dof: Vec<(usize, DMatrix<f64>)> = body
-            .dofs
-            .iter()
-            .map(|d| {
-                let of = problem
-                    .normal(&all, *d, fit.cells.misfit[*d], n)
-                    .information;
-                let by = |i: usize, j: usize| of[(i, j)] / (slopes[i] * slopes[j]);
-                (*d, DMatrix::from_fn(n, n, by))
-            })
-            .collect();
+        let to_natural = |mut normal: Normal| {
+            for i in 0..n {
+                normal.gradient[i] /= slopes[i];
+                for j in 0..n {
+                    normal.information[(i, j)] /= slopes[i] * slopes[j];
+                }
+            }
+            normal
+        };
+        let of_dof = |d: &usize| {
+            let normal = problem.normal(&all, *d, fit.cells.misfit[*d], n);
+            (*d, to_natural(normal))
+        };
+        let by_dof: Vec<(usize, Normal)> = body.dofs.iter().map(of_dof).collect();
         let mut data = DMatrix::<f64>::zeros(n, n);
-        for (_, information) in &by_dof {
-            data += information;
+        for (_, normal) in &by_dof {
+            data += &normal.information;
         }
         let own = body.own.len();
         let densities = body.densities(&[]);
@@ -93,7 +123,7 @@ impl Numbers {
         }
         let mut whole = data.clone();
         for (i, o) in body.own.iter().enumerate().filter(|(_, o)| !o.is_clock()) {
-            whole[(i, i)] += prior_information(o, fit.point[i], fitted, rig);
+            whole[(i, i)] += prior_information(o, fit.point[i], &densities[i], fitted, rig);
         }
         let mut beside = data;
         for i in (0..own).filter(|i| fitted.is_held(&body.own[*i])) {
@@ -101,57 +131,17 @@ impl Numbers {
             beside.column_mut(i).fill(0.0);
             beside[(i, i)] = 1.0;
         }
-        let covariance = |of: &DMatrix<f64>| Covariance::of_information(of, RANK).with_infinities();
-        let other_forces = || -> Vec<OtherForce> {
-            let all = &all;
-            let slopes = &slopes;
-            let each = fit.forces.iter().flat_map(|(d, cells)| {
-                let chosen = problem.normal(all, *d, fit.cells.misfit[*d], n);
-                let others = cells
-                    .iter()
-                    .filter(|c| c.1 > LEAST && c.0 != fit.cells.misfit[*d]);
-                let made: Vec<_> = others
-                    .map(|(cell, probability)| {
-                        let other = problem.normal(all, *d, *cell, n);
-                        let by = |i: usize, j: usize| {
-                            (other.information[(i, j)] - chosen.information[(i, j)])
-                                / (slopes[i] * slopes[j])
-                        };
-                        let pull =
-                            |i: usize, _| (other.gradient[i] - chosen.gradient[i]) / slopes[i];
-                        OtherForce {
-                            probability: *probability,
-                            more: DMatrix::from_fn(n, n, by),
-                            pull: DMatrix::from_fn(n, 1, pull),
-                        }
-                    })
-                    .collect();
-                made
-            });
-            each.collect()
-        };
-        let covariance_of_all = |whole: &DMatrix<f64>| {
-            let here = covariance(whole);
-            let mut made = here.clone();
-            for other in other_forces() {
-                let there = covariance(&(whole + &other.more));
-                let away = &there * &other.pull;
-                let change = &there - &here + &away * away.transpose();
-                // Directions of which nobody knows anything stay so.
-                made.zip_apply(&change, |m, c| {
-                    if m.is_finite() && c.is_finite() {
-                        *m += other.probability * c;
-                    }
-                });
-            }
-            made
-        };
-        let covariance_whole = covariance_of_all(&whole);
+        let at_mode = covariance(&whole);
+        let covariance_of_all = over_forces(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
+        let of_data = by_dof
+            .into_iter()
+            .map(|(d, normal)| (d, normal.information));
+        let by_dof = of_data.collect();
         Some(Numbers {
             values: natural.iter().map(|v| v.0).collect(),
-            slopes: slopes.clone(),
-            covariance: covariance_whole,
-            at_mode: covariance(&whole),
+            slopes,
+            covariance: covariance_of_all,
+            at_mode,
             beside_held: covariance(&beside),
             by_dof,
         })
