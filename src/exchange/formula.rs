@@ -8,11 +8,17 @@ const LONGEST: usize = 110;
 /// How a language writes what a graph holds.
 pub trait Syntax {
     /// A function of one argument.
-    fn call(&self, function: Function, of: &str) -> String;
+    fn call(&self, function: Function, of: &str) -> String {
+        format!("{}({of})", function.name())
+    }
     /// The larger of two.
-    fn larger(&self, a: &str, b: &str) -> String;
+    fn larger(&self, a: &str, b: &str) -> String {
+        format!("max({a}, {b})")
+    }
     /// The smaller of two.
-    fn smaller(&self, a: &str, b: &str) -> String;
+    fn smaller(&self, a: &str, b: &str) -> String {
+        format!("min({a}, {b})")
+    }
     /// `negative` where `of` is below 0, else `otherwise`.
     fn chosen(&self, of: &str, negative: &str, otherwise: &str) -> String;
     /// Value of a table at equally spaced points over a range.
@@ -28,18 +34,6 @@ pub trait Syntax {
 pub struct Plain;
 
 impl Syntax for Plain {
-    fn call(&self, function: Function, of: &str) -> String {
-        format!("{}({of})", function.name())
-    }
-
-    fn larger(&self, a: &str, b: &str) -> String {
-        format!("max({a}, {b})")
-    }
-
-    fn smaller(&self, a: &str, b: &str) -> String {
-        format!("min({a}, {b})")
-    }
-
     fn chosen(&self, of: &str, negative: &str, otherwise: &str) -> String {
         format!("chosen({of}, {negative}, {otherwise})")
     }

@@ -211,6 +211,11 @@ pub unsafe extern "C" fn fmi3Reset(instance: *mut c_void) -> Status {
     }
 }
 
+/// Whether there is a place for the value of each variable that is referred to.
+fn are_of_use(references: *const u32, values: *const f64, count: usize, places: usize) -> bool {
+    count == places && (count == 0 || !(references.is_null() || values.is_null()))
+}
+
 /// Values of variables.
 ///
 /// # Safety
@@ -223,7 +228,7 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     values: *mut f64,
     places: usize,
 ) -> Status {
-    if count != places || (count > 0 && (references.is_null() || values.is_null())) {
+    if !are_of_use(references, values, count, places) {
         return ERROR;
     }
     // SAFETY: the caller's; each variable has one value.
@@ -249,7 +254,7 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     values: *const f64,
     places: usize,
 ) -> Status {
-    if count != places || (count > 0 && (references.is_null() || values.is_null())) {
+    if !are_of_use(references, values, count, places) {
         return ERROR;
     }
     // SAFETY: the caller's; each variable has one value.

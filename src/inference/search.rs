@@ -142,7 +142,22 @@ struct Search<'a> {
 
 type Job = (Vec<usize>, Vec<f64>, Cells);
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// Nothing fitted yet.
+    fn new(problem: Problem, options: Options, watch: Watch<'a>) -> Search<'a> {
+        Search {
+            problem,
+            models: BTreeMap::new(),
+            expanded: BTreeSet::new(),
+            fits: 0,
+            cost: 0,
+            options,
+            watch,
+            account: Account::default(),
+            not_begun: 0,
+        }
+    }
+
     fn fit(&mut self, jobs: Vec<Job>, effort: Effort) {
         self.fit_within(jobs, effort, Limit::NONE);
     }
@@ -351,17 +366,7 @@ impl Search<'_> {
 /// `None` when the vehicle alone gives no finite motion from the rig's numbers. The vehicle alone is fitted whatever the
 /// limit says.
 pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Found> {
-    let mut search = Search {
-        problem,
-        models: BTreeMap::new(),
-        expanded: BTreeSet::new(),
-        fits: 0,
-        cost: 0,
-        options,
-        watch,
-        account: Account::default(),
-        not_begun: 0,
-    };
+    let mut search = Search::new(problem, options, watch);
     search.set_floor();
     search.alone();
     search.best()?;
@@ -392,17 +397,7 @@ pub fn search(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Fo
 ///
 /// `None` when it gives no finite motion from the rig's numbers.
 pub fn vehicle_alone(problem: Problem, options: Options, watch: Watch<'_>) -> Option<Found> {
-    let mut search = Search {
-        problem,
-        models: BTreeMap::new(),
-        expanded: BTreeSet::new(),
-        fits: 0,
-        cost: 0,
-        options,
-        watch,
-        account: Account::default(),
-        not_begun: 0,
-    };
+    let mut search = Search::new(problem, options, watch);
     search.alone();
     search.best()?;
     for _ in 0..=options.noise_rounds {

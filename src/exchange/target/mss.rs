@@ -5,23 +5,10 @@ use hydroline_rigs::Rig;
 use super::start;
 use crate::formula::{Syntax, formula, number};
 use crate::model::{STATE, STATE_UNITS, Written};
-use crate::traced::Function;
 
 struct Matlab;
 
 impl Syntax for Matlab {
-    fn call(&self, function: Function, of: &str) -> String {
-        format!("{}({of})", function.name())
-    }
-
-    fn larger(&self, a: &str, b: &str) -> String {
-        format!("max({a}, {b})")
-    }
-
-    fn smaller(&self, a: &str, b: &str) -> String {
-        format!("min({a}, {b})")
-    }
-
     fn chosen(&self, of: &str, negative: &str, otherwise: &str) -> String {
         format!("chosen({of}, {negative}, {otherwise})")
     }
