@@ -25,7 +25,7 @@ use super::error::ProveError;
 
 /// Largest shift of a number, in its sds.
 pub const SHIFT_SDS: f64 = 0.1;
-/// Largest share by which `before` differs from what plain least squares leave.
+/// Largest share by which `before` differs from what maximum likelihood leaves.
 pub const BEFORE: f64 = 0.05;
 
 /// A variant beside the case as it is.
@@ -45,7 +45,7 @@ pub struct Varied {
     pub shifted: String,
     /// Its sd in this variant over that in the case as it is: above 1 the variant says less of it; absent = it has none.
     pub sd_ratio: Option<f64>,
-    /// `before` over what plain least squares leave, channel by channel.
+    /// `before` over what maximum likelihood leaves, channel by channel.
     pub before_over_plain: BTreeMap<String, f64>,
 }
 
@@ -69,7 +69,7 @@ pub struct InvarianceJudged {
     pub sentence: String,
     /// Its effects that matter.
     pub mattering: Vec<String>,
-    /// `before` over what plain least squares leave, channel by channel.
+    /// `before` over what maximum likelihood leaves, channel by channel.
     pub before_over_plain: BTreeMap<String, f64>,
     /// The variants.
     pub varied: Vec<Varied>,
@@ -78,7 +78,7 @@ pub struct InvarianceJudged {
 }
 
 impl InvarianceJudged {
-    /// All ratios of `before` to plain least squares: (variant, channel, ratio), `None` = of the case as it is.
+    /// All ratios of `before` to maximum likelihood: (variant, channel, ratio), `None` = of the case as it is.
     pub fn ratios(&self) -> impl Iterator<Item = (Option<Variant>, &str, f64)> {
         let own = self
             .before_over_plain
@@ -92,7 +92,7 @@ impl InvarianceJudged {
     }
 }
 
-/// Whether `before` is what plain least squares leave.
+/// Whether `before` is what maximum likelihood leaves.
 pub fn is_plain(ratio: f64) -> bool {
     (ratio - 1.0).abs() <= BEFORE
 }
@@ -118,7 +118,7 @@ pub fn run(
     indices.iter().map(one).collect()
 }
 
-/// Verdict on a case, and `before` over what plain least squares leave.
+/// Verdict on a case, and `before` over what maximum likelihood leaves.
 fn diagnosed(base: &Base) -> Result<(Verdict, BTreeMap<String, f64>), ProveError> {
     let sources = base.sources();
     let made = diagnose(&sources, &[], &base.rig, &|_| {});
@@ -180,7 +180,7 @@ pub fn judge(base: &Base, variants: &[Variant]) -> Result<(InvarianceJudged, Ver
 mod tests {
     use super::*;
 
-    /// The order of the runs changes no bit, the scale no word; and the vehicle alone leaves what plain least squares leave.
+    /// The order of the runs changes no bit, the scale no word; and the vehicle alone leaves what maximum likelihood leaves.
     #[test]
     fn a_case_is_compared_with_its_variants_and_with_plain_least_squares() {
         // Nothing, over no background.

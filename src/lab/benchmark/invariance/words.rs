@@ -25,7 +25,7 @@ pub struct VariantScore {
 pub struct InvarianceScore {
     /// Variant by variant.
     pub variants: Vec<VariantScore>,
-    /// Channels of all cases and variants in which `before` is what plain least squares leave.
+    /// Channels of all cases and variants in which `before` is what maximum likelihood leaves.
     pub before: Rate,
     /// Smallest and largest `before` over that.
     pub before_over_plain: [f64; 2],
@@ -81,7 +81,7 @@ pub fn complaint(j: &InvarianceJudged) -> Option<String> {
     for (variant, channel, ratio) in j.ratios().filter(|r| !is_plain(r.2)) {
         let name = variant.map_or("as it is", Variant::name);
         said.push(format!(
-            "{name}: before is {ratio:.3} of plain least squares in {channel}"
+            "{name}: before is {ratio:.3} of maximum likelihood in {channel}"
         ));
     }
     let what = said.join("; ");
@@ -124,7 +124,7 @@ pub fn words(all: &[InvarianceJudged]) -> String {
     let [low, high] = s.before_over_plain;
     line(
         &format!(
-            "before within {:.0} % of plain least squares",
+            "before within {:.0} % of maximum likelihood",
             100.0 * BEFORE
         ),
         s.before,
