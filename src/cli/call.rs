@@ -185,7 +185,14 @@ fn argument(arg: &Arg) -> Argument {
         {
             Kind::Integer
         }
-        _ if is(&[TypeId::of::<std::path::PathBuf>()]) => Kind::Path,
+        // A log's window is named behind its path.
+        _ if is(&[
+            TypeId::of::<std::path::PathBuf>(),
+            TypeId::of::<hydroline_diagnose::Part>(),
+        ]) =>
+        {
+            Kind::Path
+        }
         _ => Kind::Text,
     };
     let many = arg.get_num_args().is_some_and(|n| n.max_values() > 1);

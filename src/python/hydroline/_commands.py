@@ -111,7 +111,7 @@ def predict(
 
 
 def identify(
-    logs: Union[str, Sequence[str]] = (),
+    logs: Paths = (),
     *,
     rig: Optional[RigLike] = None,
     model: str = "auto",
@@ -172,7 +172,7 @@ def identify(
 
 
 def diagnose(
-    logs: Union[str, Sequence[str]],
+    logs: Paths,
     *,
     rig: Optional[RigLike] = None,
     hold_out: Paths = (),

@@ -63,9 +63,9 @@ def test_a_bad_input_is_named(case: Case, folder: Path, logs: List[str]) -> None
 
 def test_an_argument_error_carries_its_parts(logs: List[str]) -> None:
     with pytest.raises(hydroline.ArgumentError) as caught:
-        hydroline.identify(logs[0], rig="lshpi", objective="huber")  # type: ignore[arg-type]
+        hydroline.identify(logs[0], rig="lshpi", fail_on="misfits")  # type: ignore[arg-type]
     error = caught.value
-    assert (error.argument, error.value, error.allowed) == ("objective", "huber", ("ls", "l1"))
+    assert (error.argument, error.value, error.allowed) == ("fail_on", "misfits", ("misfit",))
 
 
 def test_a_lossy_result_warns(folder: Path, logs: List[str]) -> None:
