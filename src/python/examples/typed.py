@@ -12,7 +12,7 @@ def show(stage: str, done: int, of: Optional[int]) -> None:
 
 
 def coefficients(logs: List[str], rig: hydroline.Rig) -> Dict[str, float]:
-    found = hydroline.identify(logs, rig=rig, method="lm", from_rest=True, progress=show)
+    found = hydroline.identify(logs, rig=rig, from_rest=True, progress=show)
     return {key: estimate.value for key, estimate in found.parameters.items()}
 
 
