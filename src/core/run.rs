@@ -5,6 +5,7 @@ pub mod instrument_sd;
 mod joined;
 pub mod rest_noise;
 mod stretches;
+mod windows;
 
 use std::collections::BTreeMap;
 

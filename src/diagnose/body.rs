@@ -51,7 +51,7 @@ use unearned::take_out_unearned;
 const STANDING: [&str; 2] = ["dead_channel", "stuck_channel"];
 
 /// Note where the simulation error decides.
-const BY_SQUARES: &str = "decided by the simulation error: a random force or a table would follow these runs as well, and predicts runs that were not fitted worse; probabilities count as many samples as are independent";
+const BY_SQUARES: &str = "decided by the simulation error: a random force or a table follows whatever laws leave of these runs; probabilities count as many samples as are independent";
 
 /// Share of the time under a limit that the search of the models may take.
 const SEARCH_SHARE: f64 = 0.6;
@@ -70,6 +70,7 @@ pub fn diagnose(
     beside: &Beside<'_>,
     watch: Watch<'_>,
 ) -> Result<Diagnosis, DiagnoseError> {
+    let sources = &*Source::joined(sources);
     let still = [rig.tolerance.position_m, rig.tolerance.attitude_rad];
     let memory_s = memory_s(&rig.vehicle);
     let apart = |all: &[Source]| -> Vec<Run> {

@@ -33,6 +33,29 @@ impl Source {
         self
     }
 
+    /// Sources of which windows of one recording that meet are one: given whole or cut, a run says the same.
+    #[must_use]
+    pub fn joined(sources: &[Source]) -> Vec<Source> {
+        let mut sorted: Vec<&Source> = sources.iter().collect();
+        let first_s = |s: &Source| s.run.samples.first().map_or(f64::INFINITY, |s| s.t_s);
+        sorted.sort_by(|a, b| first_s(a).total_cmp(&first_s(b)));
+        let mut made: Vec<Source> = Vec::new();
+        for source in sorted {
+            let joined = made.iter_mut().find_map(|m| {
+                let run = m.run.joined_with(&source.run)?;
+                Some((m, run))
+            });
+            match joined {
+                Some((whole, run)) => {
+                    whole.run = run;
+                    whole.faults.extend(source.faults.iter().cloned());
+                }
+                None => made.push(source.clone()),
+            }
+        }
+        made
+    }
+
     /// Whether any motion was measured.
     pub fn has_motion(&self) -> bool {
         !self.run.samples.is_empty()

@@ -21,6 +21,7 @@ use super::predicted_gain::PredictedGain;
 use super::predicted_gain::pair::PredictedPair;
 use super::search::Found;
 use super::summary::Rms;
+use super::term::Kind;
 
 /// Laws, or pairs of laws, that join one after the other at most.
 const JOINS: usize = 5;
@@ -89,7 +90,7 @@ impl Unseen {
 }
 
 /// Mean difference of scores in the same stretches, and its standard error.
-fn beside(scores: &[f64], others: &[f64]) -> (f64, f64) {
+fn beside_each(scores: &[f64], others: &[f64]) -> (f64, f64) {
     let each = scores.iter().zip(others).map(|(a, b)| a - b);
     let each: Vec<f64> = each.filter(|v| v.is_finite()).collect();
     let count = each.len().max(1) as f64;
@@ -103,7 +104,7 @@ fn beside(scores: &[f64], others: &[f64]) -> (f64, f64) {
 fn fewest(all: &[Unseen]) -> Option<&Unseen> {
     let best = all.iter().min_by(|a, b| a.mean().total_cmp(&b.mean()))?;
     let as_good = all.iter().filter(|m| {
-        let (mean, se) = beside(&m.errors, &best.errors);
+        let (mean, se) = beside_each(&m.errors, &best.errors);
         mean <= se
     });
     as_good.min_by(|a, b| {
@@ -253,7 +254,7 @@ impl Problem {
             ) else {
                 break;
             };
-            let count = self.independent_samples(&before.fit);
+            let count = self.independent_samples(&before.fit.terms, &before.fit.point);
             let rank = |c: &Coarse| c.criterion(before, &count);
             made.retain(|c| rank(c) < 0.0);
             made.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
@@ -321,7 +322,7 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
     if found.account.leaves_open(watch.limit, BY_SQUARES) {
         return false;
     }
-    let Some((laws, all)) = problem.explained_most(alone, watch) else {
+    let Some((laws, mut all)) = problem.explained_most(alone, watch) else {
         return false;
     };
     found.account.leaves_open(watch.limit, BY_SQUARES);
@@ -329,12 +330,13 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
         return false;
     }
     let rival = problem.least_squares(&best.terms, &best.point, &best.cells.tables);
-    if let Some(rival) = &rival
-        && !problem.is_predicted_better(&laws, rival, held)
-    {
+    let beside = rival.as_ref().and_then(|r| problem.beside_tables(&laws, r));
+    let chosen = problem.chosen(laws.clone(), beside, rival.as_ref(), held);
+    let Some(decided_by) = chosen else {
         return false;
-    }
-    let Some((coarse, models)) = problem.coarsened(&laws, all, rival) else {
+    };
+    all.extend([laws.fit, decided_by.fit.clone()]);
+    let Some((coarse, models)) = problem.coarsened(&decided_by, all, rival) else {
         return false;
     };
     found.fits += models.len();
@@ -344,31 +346,88 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
 }
 
 impl Problem {
-    /// Whether laws predict runs that were not seen better than a rival does: the runs held out where there are any, and those
-    /// left out else. A table has to be matched, for it stands only where no laws predict as well; where a random force
-    /// stands, laws have to be better, both by one standard error.
-    fn is_predicted_better(&self, laws: &Unseen, rival: &Fit, held: Option<&Problem>) -> bool {
-        let both = match held {
+    /// Of laws, the same with tables beside them, and a rival, the one that predicts the runs that were not seen: those held out
+    /// where there are any, and those left out else; `None` = the rival. A table has to be better than laws by one standard
+    /// error, for it has its place only where no laws predict as well; laws have to be better by that than a random force.
+    fn chosen(
+        &self,
+        laws: Unseen,
+        beside: Option<Unseen>,
+        rival: Option<&Fit>,
+        held: Option<&Problem>,
+    ) -> Option<Unseen> {
+        let errors = |of: &Unseen| match held {
             Some(held) => self
-                .left_of_held(held, &laws.fit)
-                .zip(self.left_of_held(held, rival)),
-            None => Some(laws.left.clone()).zip(self.left_by_others(rival)),
+                .left_of_held(held, &of.fit)
+                .map(|left| self.scores(&left)),
+            None => Some(of.errors.clone()),
         };
+        let of_laws = errors(&laws);
+        let with_tables = beside.as_ref().and_then(errors);
+        let is_better = |a: &[f64], b: &[f64]| {
+            let (mean, se) = beside_each(a, b);
+            mean + se < 0.0
+        };
+        let best = match (&of_laws, with_tables) {
+            (Some(plain), Some(with)) if !is_better(&with, plain) => (laws, of_laws),
+            (_, Some(with)) => (beside?, Some(with)),
+            _ => (laws, of_laws),
+        };
+        let of_rival = rival.and_then(|rival| {
+            let left = match held {
+                Some(held) => self.left_of_held(held, rival),
+                None => self.left_by_others(rival),
+            };
+            left.map(|left| self.scores(&left))
+        });
         // A rival of which there is no finite motion predicts nothing.
-        let Some((left, of_rival)) = both else {
-            return true;
+        let (Some(rival), Some(of_rival)) = (rival, of_rival) else {
+            return Some(best.0);
         };
-        let (mean, se) = beside(&self.scores(&left), &self.scores(&of_rival));
+        let of_best = best.1?;
+        let (mean, se) = beside_each(&of_best, &of_rival);
         tracing::debug!(
-            "{:?} against {:?} on runs not seen: {mean:.3} ({se:.3})",
-            self.names(&laws.fit),
-            self.names(rival)
+            "{:?} against {:?} on runs not seen: {mean:.3} ({se:.3}) of {:.3}",
+            self.names(&best.0.fit),
+            self.names(rival),
+            of_rival.iter().sum::<f64>() / of_rival.len().max(1) as f64
         );
         let is_table = |t: &usize| self.body.candidates[*t].is_table();
-        match rival.terms.iter().any(is_table) {
+        let is_as_good = match rival.terms.iter().any(is_table) {
             true => mean <= se,
             false => mean + se < 0.0,
+        };
+        is_as_good.then_some(best.0)
+    }
+
+    /// Laws with the tables of a rival beside them, for what they leave; `None` = it has none.
+    fn beside_tables(&self, laws: &Unseen, rival: &Fit) -> Option<Unseen> {
+        let mut both = laws.fit.clone();
+        for table in rival.terms.iter().copied() {
+            let of = &self.body.candidates[table];
+            let is_there = match of.kind {
+                Kind::Trend { of } => both.terms.contains(&of),
+                _ => true,
+            };
+            if of.is_table() && is_there {
+                let nothing = vec![0.0; of.scales.len()];
+                (both.terms, both.point) = self.with(&both, table, &nothing);
+            }
         }
+        if both.terms.len() == laws.fit.terms.len() {
+            return None;
+        }
+        let fit = self.least_squares(&both.terms, &both.point, &rival.cells.tables)?;
+        let left = self.left(&fit.terms, &fit.point);
+        let made = self.unseen_by_squares(&Coarse { fit, left })?;
+        tracing::debug!(
+            "{:.3} {:?} {:?} leaves {:?} of runs not seen",
+            made.mean(),
+            self.names(&made.fit),
+            made.fit.cells.tables,
+            pooled(&made.left).by_name()
+        );
+        Some(made)
     }
 
     /// Models scored by the simulation error under noise as large as what the laws leave of the runs that others predict,
@@ -379,7 +438,10 @@ impl Problem {
         mut asked: Vec<Fit>,
         rival: Option<Fit>,
     ) -> Option<(Problem, BTreeMap<Vec<usize>, Fit>)> {
-        let (count, samples) = (self.independent_samples(&laws.fit), self.samples());
+        let (count, samples) = (
+            self.independent_samples(&laws.fit.terms, &laws.fit.point),
+            self.samples(),
+        );
         let left = pooled(&laws.left);
         let mut coarse = self.clone();
         coarse.noises.has_force = false;

@@ -3,7 +3,7 @@
 //! Under a random force of any size an instrument that is much better than the model says of accelerations only how they
 //! scatter; what a law explains of the motion drowns in it. A person looks first for what explains most of the misfit.
 
-use hydroline_core::run::PerChannel;
+use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::{cancel, parallel};
 
@@ -73,23 +73,46 @@ impl Problem {
     /// `tables` = sizes of its tables. Scores of such fits compare models that were fitted under one noise only.
     pub fn least_squares(&self, terms: &[usize], start: &[f64], tables: &Tables) -> Option<Fit> {
         let cells = without_force(tables);
-        let mut left = self.left(terms, start);
+        let has_table = terms.iter().any(|t| self.body.candidates[*t].is_table());
+        let noise = |point: &[f64]| {
+            let left = self.left(terms, point);
+            let factor = match has_table {
+                true => self.samples_for_one(terms, point).sqrt(),
+                false => 1.0,
+            };
+            (left.map(|sd| sd * factor), factor)
+        };
+        let (mut left, mut factor) = noise(start);
         let mut coarse = self.coarse(&left);
         let mut made: Option<Fit> = None;
         for _ in 0..ROUNDS {
             let from = made.as_ref().map_or(start, |f| &f.point);
-            let fit = coarse.fit(terms, from, cells.clone(), BY_SQUARES)?;
-            let now = self.left(terms, &fit.point);
+            let effort = Effort {
+                decrement: BY_SQUARES.decrement / (factor * factor),
+                ..BY_SQUARES
+            };
+            let fit = coarse.fit(terms, from, cells.clone(), effort)?;
+            let (now, by) = noise(&fit.point);
             let change = now.iter().zip(&left).map(|(a, b)| (a / b).ln().abs());
             let change = change.filter(|v| v.is_finite()).fold(0.0, f64::max);
             made = Some(fit);
             if change < SAME_MISFIT {
                 break;
             }
-            left = now;
+            (left, factor) = (now, by);
             coarse.blur(&left, self);
         }
         made
+    }
+
+    /// Samples over independent ones of what a model leaves, in all channels: it scatters slowly, and under white noise as large as
+    /// that a table would follow it.
+    fn samples_for_one(&self, terms: &[usize], point: &[f64]) -> f64 {
+        let (count, samples) = (self.independent_samples(terms, point), self.samples());
+        let each = Channel::ALL.into_iter().filter(|c| count[*c].is_finite());
+        let (samples, count) =
+            each.fold((0.0, 0.0), |sum, c| (sum.0 + samples[c], sum.1 + count[c]));
+        if count > 0.0 { samples / count } else { 1.0 }
     }
 
     /// Every run as the others predict it, all by least squares.
@@ -146,8 +169,8 @@ impl Problem {
 
     /// Number of independent samples that each channel's residuals are worth, by the sum of their autocorrelations up to the
     /// first that is negative (initial positive sequence, Geyer 1992); NaN = not measured.
-    pub fn independent_samples(&self, fit: &Fit) -> Rms {
-        let predicted = self.predicted(&fit.terms, &fit.point);
+    pub fn independent_samples(&self, terms: &[usize], point: &[f64]) -> Rms {
+        let predicted = self.predicted(terms, point);
         PerChannel::from_fn(|c| {
             if self.noises.channels[c].is_none() {
                 return f64::NAN;

@@ -1,12 +1,13 @@
 //! Priors for a vehicle of another size than the library's.
 //!
 //! The library's plausible ranges (theory/physics.md) are those of an AUV of 30 kg under some newtons. A ship model of a tonne
-//! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in what its
-//! DOF is driven with or drags, over the speed to the power that its unit names; a stiffness also in the righting moment. A
-//! hull that rings for minutes has a large one and little damping. What couples two rates is counted in the mass. Times,
-//! ratios and lengths stay.
+//! that rolls freely, or a drive that pushes with 150 N, has the same physics at other sizes: a load is counted in the mass with
+//! the water that it moves, so that a vehicle whose masses and forces are all in proportion has its effects in proportion; where
+//! it is driven, drags or is righted with far more than such a mass, in that, over the speed to the power that its unit names.
+//! A hull that rings for minutes has a large righting moment and little damping. What couples two rates is counted in the
+//! mass. Times, ratios and lengths stay.
 //!
-//! A load over a speed is never taken smaller than the library's: it goes by pressure times area, and a hull that is fast
+//! A load over a speed is never taken smaller than the library's on a vehicle of its mass: it goes by pressure times area, and a hull that is fast
 //! for what drives it has no smaller fins for that. By its thrust of 41 N at 1.2 m/s a ship model of 3.3 t had a twelfth of
 //! the library's, and its rudder four times as much as was plausible.
 
@@ -22,12 +23,12 @@ const LOADS: [f64; 6] = [8.0, 10.0, 12.0, 0.6, 0.8, 0.7];
 /// Speeds under them \[m/s, rad/s\].
 const SPEED: f64 = 0.15;
 /// Masses with the water that they move, SNAME order \[kg, kg m2\]: the paper's vehicle.
-const MASSES: [f64; 6] = [279.8, 349.8, 389.8, 4.73, 14.4, 12.1];
+const MASSES: [f64; 6] = [279.777, 349.777, 389.777, 4.73, 14.352, 12.144];
 /// Swing to one side \[rad, m\].
 const SWING: f64 = 0.4;
 /// Unit of the coefficient of a product of two rates: another one for each choice of its words.
 const COUPLING: &str = "SI";
-/// Up to this many of these loads the sizes serve as they are. Small loads do not make a vehicle small.
+/// Up to this many of these loads, on a vehicle of its mass, the sizes serve as they are. Small loads do not make a vehicle small.
 const ALIKE: f64 = 5.0;
 
 /// Size of a vehicle over the library's, per DOF.
@@ -41,6 +42,10 @@ pub struct Size {
     speed: [f64; 6],
     /// Factor of masses.
     mass: [f64; 6],
+    /// Load that drives it over that of a vehicle of its mass in the library.
+    driven: [f64; 6],
+    /// Speed over the library's.
+    fastest: [f64; 6],
     /// Factor of what a stiffness is over a swing: the library's swing over the vehicle's.
     over_swing: [f64; 6],
     /// Whether the loads of a DOF are known.
@@ -78,6 +83,8 @@ impl Size {
         stiffness: [1.0; 6],
         speed: [1.0; 6],
         mass: [1.0; 6],
+        driven: [1.0; 6],
+        fastest: [1.0; 6],
         over_swing: [1.0; 6],
         is_known: [true; 6],
     };
@@ -96,17 +103,23 @@ impl Size {
         let (swings, mass) = (swings(recording), h.mass());
         for d in 0..6 {
             let righting = h.stiffness(d).abs() * swings[d];
-            let large = |factor: f64| Some(factor).filter(|f| *f > ALIKE && f.is_finite());
-            let beyond = |load_n: f64| large(load_n / LOADS[d]);
+            let alike = mass[d] / MASSES[d];
+            let beyond = |load_n: f64| {
+                let factor = load_n / (alike * LOADS[d]);
+                Some(alike * factor).filter(|_| factor > ALIKE && factor.is_finite())
+            };
             let speed = fastest[d] / SPEED;
             // A rig's drag may be off by five; what was commanded is known.
             let driven = driven(h, d, commanded[d], fastest[d]);
+            made.load[d] = alike;
             if let Some(load) = beyond(driven).filter(|_| speed > 0.0) {
                 made.load[d] = load;
                 made.speed[d] = speed;
             }
-            made.stiffness[d] = beyond(righting).unwrap_or(1.0).max(made.load[d]);
-            made.mass[d] = large(mass[d] / MASSES[d]).unwrap_or(1.0);
+            made.stiffness[d] = beyond(righting).unwrap_or(alike).max(made.load[d]);
+            made.mass[d] = alike;
+            made.driven[d] = driven / (alike * LOADS[d]);
+            made.fastest[d] = speed;
         }
         made
     }
@@ -125,10 +138,12 @@ impl Size {
             let righting = h.stiffness(d).abs() * swings[d];
             let driven = driven(h, d, commanded[d], fastest[d]);
             made.is_known[d] = commanded[d] > 0.0 || righting > 0.0;
-            made.load[d] = (driven.max(righting) / LOADS[d]).max(1.0);
+            made.mass[d] = mass[d] / MASSES[d];
+            made.load[d] = (driven.max(righting) / LOADS[d]).max(made.mass[d]);
             made.stiffness[d] = made.load[d];
             made.speed[d] = (fastest[d] / SPEED).max(1.0);
-            made.mass[d] = (mass[d] / MASSES[d]).max(1.0);
+            made.driven[d] = driven / (made.mass[d] * LOADS[d]);
+            made.fastest[d] = fastest[d] / SPEED;
             if swings[d] > 0.0 {
                 made.over_swing[d] = (SWING / swings[d]).max(1.0);
             }
@@ -142,6 +157,25 @@ impl Size {
         (!is_load || self.is_known[dof]).then(|| self.sized(p, dof).plausible)
     }
 
+    /// Factor of a load over a speed to a power. By mass alone a large hull that hardly anything drives would have fins that
+    /// stop it.
+    fn over_speed(&self, dof: usize, power: i32) -> f64 {
+        let alike = self.mass[dof];
+        let mut least = alike;
+        if alike > 1.0 {
+            let share = self.driven[dof] / self.fastest[dof].powi(power);
+            let share = if share > 0.0 { share.min(1.0) } else { 1.0 };
+            least = (alike * share).max(1.0);
+        }
+        let is_beyond = self.load[dof] != alike;
+        let proportion = self.load[dof] * self.speed[dof].powi(-power);
+        if is_beyond {
+            proportion.max(least)
+        } else {
+            least
+        }
+    }
+
     /// A parameter with its plausible range, and what a search begins from, at the size of a DOF.
     pub fn sized(&self, p: &ParameterInfo, dof: usize) -> ParameterInfo {
         let (load, speed) = powers(p.unit).unwrap_or((0, 0));
@@ -152,7 +186,7 @@ impl Size {
                 self.stiffness[dof] * self.over_swing[dof].powi(power)
             }),
             (1, _) if p.unit.starts_with("kg") => proportion.max(self.mass[dof]),
-            (1, _) => proportion.max(1.0),
+            (1, _) => self.over_speed(dof, speed),
             _ => proportion,
         };
         let scaled = |v: f64| (v * factor).clamp(p.limits.0, p.limits.1);
@@ -332,6 +366,47 @@ mod tests {
         assert_eq!(far_end(8.0), friction.plausible.1);
         // A cart that 30 N push: nothing of it is scaled in the prior.
         assert!((far_end(30.0) / friction.plausible.1 - 3.75).abs() < 1e-9);
+    }
+
+    /// A vehicle of 15 g had the plausible sizes of one of 30 kg.
+    #[test]
+    fn a_vehicle_in_proportion_has_its_effects_in_proportion() {
+        let rig = Rig::builtin("lshpi").unwrap();
+        let sized = |scale: f64| {
+            let mut vehicle = rig.vehicle.clone();
+            vehicle.mass_kg *= scale;
+            vehicle.inertia_kgm2.iter_mut().for_each(|v| *v *= scale);
+            for c in &mut vehicle.coefficients {
+                for v in [&mut c.added, &mut c.linear, &mut c.quadratic] {
+                    *v *= scale;
+                }
+            }
+            let h: Hydrodynamics<f64> = Hydrodynamics::new(&vehicle);
+            let commanded = [6.0 * scale, 0.0, 0.0, 0.0, 0.0, 0.0];
+            let size = Size::of(&nothing(), &h, &commanded, &[0.1; 6]);
+            let bearable = Size::bearable(&nothing(), &h, &commanded, &[0.1; 6]);
+            [
+                ("coulomb_friction", "f_n"),
+                ("cubic_damping", "d3"),
+                ("cross_flow_coupling", "c"),
+                ("fin_force", "c2"),
+            ]
+            .map(|(effect, name)| {
+                let p = parameter(effect, name);
+                let most = bearable.plausible(&p, 0).map_or(f64::NAN, |r| r.1);
+                [
+                    size.sized(&p, 0).typical,
+                    size.sized(&p, 0).plausible.1,
+                    most,
+                ]
+            })
+        };
+        let own = sized(1.0);
+        for scale in [1.0 / 2000.0, 20.0] {
+            for (a, b) in own.iter().flatten().zip(sized(scale).iter().flatten()) {
+                assert!((b / a / scale - 1.0).abs() < 1e-9, "{scale}: {a} {b}");
+            }
+        }
     }
 
     /// A ship model of a tonne rolled, and its restoring moment could not be other than linear.

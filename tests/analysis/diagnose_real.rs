@@ -204,16 +204,13 @@ fn a_whole_decay_needs_no_windows() {
     show(&found.verdict);
     let v = &found.verdict;
     assert_eq!(v.verdict, Word::Named, "{}", v.sentence);
-    // Restoring and one damping that grows faster than the rate: a set of many that fits to the noise predicts worse.
+    // Restoring; damping that grows faster than the rate is the vehicle's own coefficient, which the rig leaves at 0. A set
+    // of many that fits to the noise predicts worse.
     assert!(v.effects.iter().all(|e| e.matters), "{}", v.sentence);
-    let mut heavy: Vec<&str> = v.effects.iter().map(|e| e.effect.as_str()).collect();
-    heavy.sort_unstable();
-    assert!(
-        heavy == ["cubic_damping", "nonlinear_restoring"]
-            || heavy == ["nonlinear_restoring", "quadratic_damping"],
-        "{}",
-        v.sentence
-    );
+    let heavy: Vec<&str> = v.effects.iter().map(|e| e.effect.as_str()).collect();
+    assert_eq!(heavy, ["nonlinear_restoring"], "{}", v.sentence);
+    let quadratic = &v.parameters.written["k_pp"];
+    assert!(quadratic.value < -1.0, "{quadratic:?}");
     let others = &v.leave_one_run_out.as_ref().unwrap().rms;
     assert!(others.after["phi_rad"] < others.before["phi_rad"] / 5.0);
 }

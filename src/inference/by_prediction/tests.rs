@@ -89,7 +89,7 @@ fn slow_errors_count_as_few_samples() {
     let share = |p: &Problem| {
         let begin = p.body.begin();
         let fit = p.least_squares(&[], &begin, &Tables::new()).unwrap();
-        p.independent_samples(&fit)[Channel::X] / p.samples()[Channel::X]
+        p.independent_samples(&fit.terms, &fit.point)[Channel::X] / p.samples()[Channel::X]
     };
     let (white, slow) = (share(&nothing), share(&lag));
     assert!(white > 0.4 && slow < 0.3 * white, "{white} {slow}");
