@@ -135,8 +135,11 @@ impl PoseFitter {
         };
         let rejected = sums.tally.rejected as f64
             / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
-        // Relative to the frame's own dark noise the residual shows whether the model holds at all.
-        let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
+        // Relative to the frame's own dark noise the residual shows whether the model holds at all. Under a curve the sensor's
+        // noise is as large in the light everywhere, that of rounding and compression in the grey levels: the larger counts.
+        let lit = state.background + state.brightness.max(0.0);
+        let per_grey = [state.background, lit].map(|l| light_per_grey(state.tone, l));
+        let dark_sd = profile.noise_sd.max(1.0) * per_grey[0].max(per_grey[1]);
         let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let light = LightSeen::of(picture, &state);
         if chi > MISFIT || !plausible(&state) {
@@ -173,6 +176,7 @@ impl PoseFitter {
             edge_model_error,
             pixels: sums.tally.pixels,
             caveats,
+            carried: None,
         })
     }
 
