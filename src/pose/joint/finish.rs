@@ -16,6 +16,10 @@ use hydroline_stripe::Profile;
 pub(super) const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
+/// Share of pixels set aside beyond which a fit does not explain the frame; where what is left does not hang together, light of many
+/// grains, whose brightness has a long tail.
+const REJECTED_MOST: f64 = 0.05;
+const GRAIN_REJECTED_MOST: f64 = 0.15;
 const ITERATIONS: usize = 14;
 /// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be
 /// left straight: at an approach, and at the end.
@@ -140,12 +144,22 @@ impl PoseFitter {
         let lit = state.background + state.brightness.max(0.0);
         let per_grey = [state.background, lit].map(|l| light_per_grey(state.tone, l));
         let dark_sd = profile.noise_sd.max(1.0) * per_grey[0].max(per_grey[1]);
-        let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
+        let mut chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
+        let mut rejected_most = REJECTED_MOST;
+        if chi > 0.5 * MISFIT || rejected > rejected_most {
+            // More than the dark's noise: is it noise of the light itself, or something that the model does not know?
+            let plan = model.plan(&state, TO_FINISH).uncut();
+            let structure_sd = model.structure_sd(&plan, picture, &state, &weighting);
+            chi = 1.0_f64.hypot(structure_sd / dark_sd);
+            if chi <= 0.5 * MISFIT {
+                rejected_most = GRAIN_REJECTED_MOST;
+            }
+        }
         let light = LightSeen::of(picture, &state);
         if chi > MISFIT || !plausible(&state) {
             return Err(PoseFault::Unexplained { chi, light });
         }
-        if rejected > 0.05 || chi > 0.5 * MISFIT {
+        if rejected > rejected_most || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
         let [alone, covariance_with_thickness] =
