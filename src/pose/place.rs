@@ -51,7 +51,7 @@ const STEPS_MOST: u32 = 600;
 /// Repetitions within so many sds of a hypothesis are followed.
 const GATE_SDS: f64 = 5.0;
 /// An innovation beyond so many sds is an outlier: the pose counts as if it were that many sds off.
-const OUTLIER_SDS: f64 = 3.0;
+const OUTLIER_SDS: f64 = 5.0;
 /// Hypotheses less probable than this are given up.
 const PRUNED: f64 = 1e-6;
 /// Hypotheses of one noise nearer than this share of the repetition are one place.

@@ -245,3 +245,6 @@ pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
         ..VehicleMotion::of_pose(stamp_ns, eta)
     }
 }
+
+#[cfg(test)]
+mod tests;

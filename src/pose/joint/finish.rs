@@ -20,6 +20,8 @@ const MISFIT: f64 = 4.0;
 /// grains, whose brightness has a long tail.
 const REJECTED_MOST: f64 = 0.05;
 const GRAIN_REJECTED_MOST: f64 = 0.15;
+/// Pixels that residuals which hang together over eight columns make one, less the one (Newey and West 1987, eight lags).
+const STRUCTURE_COLUMNS: f64 = 8.0;
 const ITERATIONS: usize = 14;
 /// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be
 /// left straight: at an approach, and at the end.
@@ -146,11 +148,14 @@ impl PoseFitter {
         let dark_sd = profile.noise_sd.max(1.0) * per_grey[0].max(per_grey[1]);
         let mut chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let mut rejected_most = REJECTED_MOST;
+        let mut wider_sds = 1.0;
         if chi > 0.5 * MISFIT || rejected > rejected_most {
             // More than the dark's noise: is it noise of the light itself, or something that the model does not know?
             let plan = model.plan(&state, TO_FINISH).uncut();
             let structure_sd = model.structure_sd(&plan, picture, &state, &weighting);
             chi = 1.0_f64.hypot(structure_sd / dark_sd);
+            let correlated = (structure_sd / weighting.noise_sd).powi(2);
+            wider_sds = (1.0 + STRUCTURE_COLUMNS * correlated).sqrt();
             if chi <= 0.5 * MISFIT {
                 rejected_most = GRAIN_REJECTED_MOST;
             }
@@ -170,7 +175,7 @@ impl PoseFitter {
         };
         let mut measured = [false; 6];
         measured.copy_from_slice(&free[..6]);
-        Ok(JointPose {
+        let mut fitted = JointPose {
             pose: state.pose,
             covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
             covariance_with_thickness,
@@ -191,7 +196,11 @@ impl PoseFitter {
             pixels: sums.tally.pixels,
             caveats,
             carried: None,
-        })
+        };
+        if wider_sds > 1.0 {
+            fitted.widen(wider_sds);
+        }
+        Ok(fitted)
     }
 
     /// A frame's estimate of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and
