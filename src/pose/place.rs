@@ -323,7 +323,7 @@ fn merged(mut all: Vec<Hypothesis>, same_m: f64) -> Vec<Hypothesis> {
         o.mean = o.mean * a + h.mean * b;
         o.weight = weight;
     }
-    for noise in 0..NOISES.len() {
+    for (noise, of) in NOISES.iter().enumerate() {
         let of_noise = |h: &&Hypothesis| h.noise == noise;
         let has: f64 = out.iter().filter(of_noise).map(|h| h.weight).sum();
         if has >= NOISE_WEIGHT_LEAST {
@@ -335,7 +335,7 @@ fn merged(mut all: Vec<Hypothesis>, same_m: f64) -> Vec<Hypothesis> {
         for h in &mut own {
             h.noise = noise;
             h.weight *= NOISE_WEIGHT_LEAST / others;
-            let floor = NOISES[noise].floor_mps2.powi(2);
+            let floor = of.floor_mps2.powi(2);
             h.covariance[(2, 2)] = h.covariance[(2, 2)].max(floor);
         }
         out.retain(|h| h.noise != noise);

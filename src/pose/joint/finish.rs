@@ -143,13 +143,18 @@ impl PoseFitter {
             / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
         // Relative to the frame's own dark noise the residual shows whether the model holds at all. Under a curve the sensor's
         // noise is as large in the light everywhere, that of rounding and compression in the grey levels: the larger counts.
-        let lit = state.background + state.brightness.max(0.0);
+        let lit = match picture.clipped_share > CLIPPED_LINE {
+            // What is seen of the line are its flanks.
+            true => state.background,
+            false => state.background + state.brightness.max(0.0),
+        };
         let per_grey = [state.background, lit].map(|l| light_per_grey(state.tone, l));
         let dark_sd = profile.noise_sd.max(1.0) * per_grey[0].max(per_grey[1]);
         let mut chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
         let mut rejected_most = REJECTED_MOST;
         let mut wider_sds = 1.0;
-        if chi > 0.5 * MISFIT || rejected > rejected_most {
+        // Where pitch is held, x and z are off by what it is off, and no noise states that.
+        if free[4] && (chi > 0.5 * MISFIT || rejected > rejected_most) {
             // More than the dark's noise: is it noise of the light itself, or something that the model does not know?
             let plan = model.plan(&state, TO_FINISH).uncut();
             let structure_sd = model.structure_sd(&plan, picture, &state, &weighting);
