@@ -9,8 +9,8 @@ pub mod usage;
 use serde::{Deserialize, Serialize};
 
 use crate::IdealMap;
-use crate::free::SheetMap;
 use crate::board::coplanarity::Coplanarity;
+use crate::free::SheetMap;
 use crate::map::{FittedMap, HomographyMap, RefractiveMap};
 use crate::plane::{Fan, ImageSize, PlaneMap};
 use board_map::{BoardMap, NoMap};

@@ -19,8 +19,6 @@ pub mod map;
 mod residuals;
 pub mod sheet;
 mod start;
-#[cfg(test)]
-mod tests;
 
 pub use bundle::Pose;
 pub use checks::{Doubt, FreeError, LeftOut};
@@ -63,7 +61,12 @@ pub struct Seen {
 
 impl Seen {
     /// A board as it was detected, with the line looked for on it.
-    pub fn new(name: String, board: &Board, found: &InHand, line: Result<Vec<LinePoint>, NoLine>) -> Self {
+    pub fn new(
+        name: String,
+        board: &Board,
+        found: &InHand,
+        line: Result<Vec<LinePoint>, NoLine>,
+    ) -> Self {
         let nodes = found.nodes.iter().map(|n| SeenNode {
             board_m: n.index.map(|k| f64::from(k) * board.pitch_m),
             pixel: n.pixel,

@@ -164,7 +164,9 @@ pub enum MapError {
         method: &'static str,
         source: LmError,
     },
-    #[error("`free` needs boards in many poses, not the nodes of one: `hydroline calibrate --free`")]
+    #[error(
+        "`free` needs boards in many poses, not the nodes of one: `hydroline calibrate --free`"
+    )]
     ManyBoards,
 }
 

@@ -132,11 +132,7 @@ pub(super) fn solve(
             _ => {}
         }
     }
-    let mut bundle = Bundle {
-        views,
-        prior,
-        free,
-    };
+    let mut bundle = Bundle { views, prior, free };
     let found = minimise(&mut bundle, start, &FIT)?;
     if !found.ended.converged() {
         return Err(LmError::NoMinimum {
@@ -161,12 +157,20 @@ pub(super) fn solve(
 }
 
 /// Sizes of the residuals of nodes (length over √2) and of the line, each in sds and without weights, by view.
-pub(super) fn sizes(views: &[ViewTerms], residuals: &Residuals, sheet: bool) -> Vec<(Vec<[f64; 2]>, Vec<f64>)> {
+pub(super) fn sizes(
+    views: &[ViewTerms],
+    residuals: &Residuals,
+    sheet: bool,
+) -> Vec<(Vec<[f64; 2]>, Vec<f64>)> {
     let mut values = residuals.values.iter();
     let mut next = |weight: f64| values.next().copied().unwrap_or(0.0) / weight;
     (views.iter())
         .map(|view| {
-            let nodes = view.nodes.iter().map(|n| [next(n.weight), next(n.weight)]).collect();
+            let nodes = view
+                .nodes
+                .iter()
+                .map(|n| [next(n.weight), next(n.weight)])
+                .collect();
             let line = match sheet {
                 true => view.line.iter().map(|l| next(l.weight)).collect(),
                 false => Vec::new(),
@@ -187,8 +191,19 @@ pub(super) fn reweight(views: &mut [ViewTerms], residuals: &Residuals, sheet: bo
     let sizes = sizes(views, residuals, sheet);
     let lengths = |n: &[f64; 2]| n[0].hypot(n[1]);
     // Median of a Rayleigh 1.1774 s, of a half-normal 0.6745 s.
-    let nodes = scale(sizes.iter().flat_map(|s| s.0.iter().map(lengths)).collect(), 1.1774).max(1e-9);
-    let line = scale(sizes.iter().flat_map(|s| s.1.iter().map(|r| r.abs())).collect(), 0.6745).max(1e-9);
+    let nodes = scale(
+        sizes.iter().flat_map(|s| s.0.iter().map(lengths)).collect(),
+        1.1774,
+    )
+    .max(1e-9);
+    let line = scale(
+        sizes
+            .iter()
+            .flat_map(|s| s.1.iter().map(|r| r.abs()))
+            .collect(),
+        0.6745,
+    )
+    .max(1e-9);
     let mut changed = false;
     let mut set = |weight: &mut f64, size: f64| {
         let new = (HUBER / size.max(1e-12)).min(1.0).sqrt();
@@ -230,7 +245,10 @@ pub(super) fn settle(
 /// Mean and covariance of the shared numbers over models, by their evidence (Hoeting et al. 1999): the spread between
 /// models is in it. The state of the likeliest model holds the mean's numbers.
 pub(super) fn average(models: Vec<(Free, Solved)>) -> Option<(State, DMatrix<f64>, Solved, Free)> {
-    let best = models.iter().map(|m| m.1.ln_evidence).fold(f64::NEG_INFINITY, f64::max);
+    let best = models
+        .iter()
+        .map(|m| m.1.ln_evidence)
+        .fold(f64::NEG_INFINITY, f64::max);
     let mut mean = SVector::<f64, SHARED>::zeros();
     let mut parts = Vec::with_capacity(models.len());
     let mut total = 0.0;
@@ -241,7 +259,11 @@ pub(super) fn average(models: Vec<(Free, Solved)>) -> Option<(State, DMatrix<f64
         }
         let inverse = solved.hessian.clone().cholesky()?.inverse();
         let covariance = DMatrix::from_fn(SHARED, SHARED, |i, k| {
-            if free[i] && free[k] { inverse[(i, k)] } else { 0.0 }
+            if free[i] && free[k] {
+                inverse[(i, k)]
+            } else {
+                0.0
+            }
         });
         let x = SVector::<f64, SHARED>::from_fn(|k, _| match k.checked_sub(CAMERA) {
             None => solved.state.lens.numbers[k],
@@ -257,7 +279,9 @@ pub(super) fn average(models: Vec<(Free, Solved)>) -> Option<(State, DMatrix<f64
         let off = x - mean;
         covariance += (own + off * off.transpose()) * (share / total);
     }
-    let likeliest = models.into_iter().max_by(|a, b| a.1.ln_evidence.total_cmp(&b.1.ln_evidence))?;
+    let likeliest = models
+        .into_iter()
+        .max_by(|a, b| a.1.ln_evidence.total_cmp(&b.1.ln_evidence))?;
     let mut state = likeliest.1.state.clone();
     state.lens.numbers = std::array::from_fn(|k| mean[k]);
     if let Some(sheet) = &mut state.sheet {

@@ -177,7 +177,14 @@ impl Bundle<'_> {
         let share = gradient.dot(&piece.along) / normal.dot(&piece.along);
         let arm = normal.cross(&(piece.point - pose.translation)) * -share;
         let shift = normal * share;
-        let own = SMatrix::<f64, 1, POSE>::from([[arm[0]], [arm[1]], [arm[2]], [shift[0]], [shift[1]], [shift[2]]]);
+        let own = SMatrix::<f64, 1, POSE>::from([
+            [arm[0]],
+            [arm[1]],
+            [arm[2]],
+            [shift[0]],
+            [shift[1]],
+            [shift[2]],
+        ]);
         Some((piece.residual, shared, own))
     }
 
@@ -202,11 +209,13 @@ impl Bundle<'_> {
         for k in 0..3 {
             let mut d = Vector3::zeros();
             d[k] = h;
-            let by = (state.lens.project(&(point + d))? - state.lens.project(&(point - d))?) / (2.0 * h);
+            let by =
+                (state.lens.project(&(point + d))? - state.lens.project(&(point - d))?) / (2.0 * h);
             by_point.set_column(k, &(w * by));
         }
         // A turn ω moves the point by ω × arm.
-        own.fixed_columns_mut::<3>(0).copy_from(&(-by_point * arm.cross_matrix()));
+        own.fixed_columns_mut::<3>(0)
+            .copy_from(&(-by_point * arm.cross_matrix()));
         own.fixed_columns_mut::<3>(3).copy_from(&by_point);
         Some((shared, own))
     }
@@ -254,7 +263,8 @@ impl LeastSquares<Dyn> for Bundle<'_> {
             }
             if let Some(sheet) = &at.sheet {
                 for term in &view.line {
-                    out.values.push(Self::piece(at, sheet, pose, term)?.residual);
+                    out.values
+                        .push(Self::piece(at, sheet, pose, term)?.residual);
                 }
             }
         }
@@ -291,7 +301,8 @@ impl LeastSquares<Dyn> for Bundle<'_> {
                     let (residual, shared, own) =
                         (self.line_row(at, sheet, pose, term)).ok_or(LmError::NotFinite)?;
                     values.next();
-                    let shared = std::array::from_fn(|k| if self.free[k] { shared[k] } else { 0.0 });
+                    let shared =
+                        std::array::from_fn(|k| if self.free[k] { shared[k] } else { 0.0 });
                     let own = std::array::from_fn(|k| own[k]);
                     add(&mut normal, place, &shared, &own, residual);
                 }
@@ -328,7 +339,8 @@ impl LeastSquares<Dyn> for Bundle<'_> {
             *pose = pose.moved(std::array::from_fn(|k| step[SHARED + POSE * v + k]));
         }
         let n = &next.lens.numbers;
-        let sound = n[0] > 10.0 && (0.2..5.0).contains(&n[1]) && (0.9..2.0).contains(&n[12]) && n[9] >= 0.0;
+        let sound =
+            n[0] > 10.0 && (0.2..5.0).contains(&n[1]) && (0.9..2.0).contains(&n[12]) && n[9] >= 0.0;
         sound.then_some(next)
     }
 }

@@ -43,7 +43,9 @@ pub enum FreeError {
         share: f64,
         sd: f64,
     },
-    #[error("the boards fit no camera: {source}; is --board the one in the images, and do all images come from one camera?")]
+    #[error(
+        "the boards fit no camera: {source}; is --board the one in the images, and do all images come from one camera?"
+    )]
     NoCamera { source: LmError },
 }
 
@@ -105,8 +107,14 @@ const SHEAR_TIMES: f64 = 5.0;
 
 /// Largest angle between the boards' normals \[rad\].
 pub(super) fn widest_angle_rad(state: &State) -> f64 {
-    let normals: Vec<Vector3<f64>> = state.poses.iter().map(|p| p.rotation.column(2).into()).collect();
-    let angles = normals.iter().flat_map(|a| normals.iter().map(|b| a.angle(b)));
+    let normals: Vec<Vector3<f64>> = state
+        .poses
+        .iter()
+        .map(|p| p.rotation.column(2).into())
+        .collect();
+    let angles = normals
+        .iter()
+        .flat_map(|a| normals.iter().map(|b| a.angle(b)));
     angles.fold(0.0, f64::max)
 }
 
@@ -139,13 +147,18 @@ pub(super) fn zoom(state: &State, views: &[ViewTerms], names: &[&str]) -> Result
         let ((a, va), (b, vb)) = (mean(first), mean(second));
         // What views scatter about their own side's mean beyond their sds is no zoom.
         let scatter = |part: &[(usize, Wish)], mean: f64| -> f64 {
-            part.iter().map(|(_, x)| ((x.value - mean) / x.sd).powi(2)).sum()
+            part.iter()
+                .map(|(_, x)| ((x.value - mean) / x.sd).powi(2))
+                .sum()
         };
         let free = (wishes.len() - 2) as f64;
         let excess = ((scatter(first, a) + scatter(second, b)) / free).max(1.0);
         let sd = (excess * (va + vb)).sqrt();
         let sds = (b - a).abs() / sd;
-        if (b - a).abs() > ZOOM_SHARE && sds > ZOOM_SDS && worst.as_ref().is_none_or(|(s, _)| sds > *s) {
+        if (b - a).abs() > ZOOM_SHARE
+            && sds > ZOOM_SDS
+            && worst.as_ref().is_none_or(|(s, _)| sds > *s)
+        {
             let name = |k: usize| names[wishes[k].0].to_owned();
             let error = FreeError::ZoomChanged {
                 before: name(cut - 1),
@@ -164,7 +177,11 @@ pub(super) fn sheared(state: &State, views: &[ViewTerms]) -> Vec<(usize, f64)> {
     let shears: Vec<(usize, Wish)> = (views.iter().zip(&state.poses).enumerate())
         .flat_map(|(k, (view, pose))| {
             let along = |axis| wish(&state.lens, pose, view, Extra::Shear(axis));
-            [0, 1].into_iter().filter_map(along).map(move |w| (k, w)).collect::<Vec<_>>()
+            [0, 1]
+                .into_iter()
+                .filter_map(along)
+                .map(move |w| (k, w))
+                .collect::<Vec<_>>()
         })
         .collect();
     let usual = adjust::scale(shears.iter().map(|s| s.1.value.abs()).collect(), 0.6745);

@@ -105,13 +105,23 @@ pub fn calibrate(seen: &[Seen], options: &FreeOptions) -> Result<Fitted, FreeErr
     let no_camera = |source| FreeError::NoCamera { source };
     let full = adjust::fullest(&options.camera, true);
     let solved = adjust::settle(&work.state, &mut work.terms, &prior, full).map_err(no_camera)?;
-    let solved = line_misfits(&mut work, solved, options, &mut doubts, &prior, full).map_err(no_camera)?;
+    let solved =
+        line_misfits(&mut work, solved, options, &mut doubts, &prior, full).map_err(no_camera)?;
     let noise_scale = rescale(&mut work, &solved);
     let models = models(&work, &solved.state, options, &prior);
-    let (state, covariance, likeliest, free) = adjust::average(models)
-        .ok_or(no_camera(LmError::NotFinite))?;
+    let (state, covariance, likeliest, free) =
+        adjust::average(models).ok_or(no_camera(LmError::NotFinite))?;
     work.state = likeliest.state;
-    finish(seen, options, &work, (state, covariance, free), noise_scale, reasons, doubts, &prior)
+    finish(
+        seen,
+        options,
+        &work,
+        (state, covariance, free),
+        noise_scale,
+        reasons,
+        doubts,
+        &prior,
+    )
 }
 
 /// Boards posed by the camera's prior and homographies.
@@ -170,7 +180,8 @@ fn cameras(
         work.state = solved.state.clone();
     }
     for round in 0..6 {
-        let solved = adjust::settle(&work.state, &mut work.terms, &prior, full).map_err(no_camera)?;
+        let solved =
+            adjust::settle(&work.state, &mut work.terms, &prior, full).map_err(no_camera)?;
         work.state = solved.state;
         if round == 0 {
             if !options.camera.imported {
@@ -215,7 +226,15 @@ fn misfits(work: &Work<'_>, options: &FreeOptions) -> Vec<(usize, LeftOut)> {
     let limit = options.misfit * usual_px.max(GOOD_PX);
     (rms.iter().enumerate())
         .filter(|(_, r)| !(**r <= limit))
-        .map(|(k, r)| (k, LeftOut::Misfit { rms_px: *r, usual_px }))
+        .map(|(k, r)| {
+            (
+                k,
+                LeftOut::Misfit {
+                    rms_px: *r,
+                    usual_px,
+                },
+            )
+        })
         .collect()
 }
 
@@ -230,7 +249,10 @@ fn sheets(
 ) -> Result<LaserSurface, FreeError> {
     let points = start::line_points(&work.state, &work.views);
     let with_line = points.iter().filter(|p| p.len() >= 4).count();
-    let first = work.views.iter().find_map(|v| v.no_line.as_ref().map(|w| format!("{}: {w}", v.name)));
+    let first = work
+        .views
+        .iter()
+        .find_map(|v| v.no_line.as_ref().map(|w| format!("{}: {w}", v.name)));
     let boards = work.views.len();
     let few = |found| FreeError::TooFewLines {
         found,
@@ -252,12 +274,17 @@ fn sheets(
         (mean - Vector3::from(sheet.origin_m)).dot(&Vector3::from(sheet.axes[1]))
     };
     let places = points.iter().filter(|p| p.len() >= 4).map(middle);
-    let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s), b.max(s)));
+    let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| {
+        (a.min(s), b.max(s))
+    });
     // Lines that cross each other span the sheet from one place.
     let directions: Vec<Vector3<f64>> = (points.iter())
         .filter_map(|l| (l.last()? - l.first()?).try_normalize(1e-6))
         .collect();
-    let turn = directions.iter().map(|d| d.dot(&Vector3::from(sheet.axes[1])).abs()).fold(0.0, f64::max);
+    let turn = directions
+        .iter()
+        .map(|d| d.dot(&Vector3::from(sheet.axes[1])).abs())
+        .fold(0.0, f64::max);
     if high - low < ACROSS_SHARE * far_m && turn < 0.2 {
         return Err(one(high - low));
     }
@@ -325,7 +352,14 @@ fn line_misfits(
 }
 
 fn median_far_m(work: &Work<'_>) -> f64 {
-    adjust::scale(work.state.poses.iter().map(|p| p.translation.norm()).collect(), 1.0)
+    adjust::scale(
+        work.state
+            .poses
+            .iter()
+            .map(|p| p.translation.norm())
+            .collect(),
+        1.0,
+    )
 }
 
 /// Sds of nodes and line brought to what they scatter by under the fullest model, neighbours that are alike counted as
@@ -342,12 +376,19 @@ fn rescale(work: &mut Work<'_>, full: &Solved) -> [f64; 2] {
         count += 2.0 * view.nodes.len() as f64 - 6.0;
         runs.extend(residuals::runs(view, &weighted));
     }
-    let node_scale = (nodes / count.max(1.0) * residuals::alike(&runs)).sqrt().max(1.0);
+    let node_scale = (nodes / count.max(1.0) * residuals::alike(&runs))
+        .sqrt()
+        .max(1.0);
     // A board that bends, or an edge that fools the line, shifts all of a board's line: its mean and its slope scatter
     // by more than the pieces do.
     let (mut pieces, mut n, mut boards, mut groups) = (0.0, -5.0, 0.0, -3.0);
     for (view, (_, line)) in work.terms.iter().zip(&sizes) {
-        let r: Vec<f64> = view.line.iter().zip(line).map(|(l, r)| r * l.weight).collect();
+        let r: Vec<f64> = view
+            .line
+            .iter()
+            .zip(line)
+            .map(|(l, r)| r * l.weight)
+            .collect();
         if r.len() < 3 {
             continue;
         }
@@ -356,11 +397,17 @@ fn rescale(work: &mut Work<'_>, full: &Solved) -> [f64; 2] {
         let len = r.len() as f64;
         let mean = r.iter().sum::<f64>() / len;
         let x = |k: usize| k as f64 - 0.5 * (len - 1.0);
-        let (xx, xr) = r.iter().enumerate().fold((0.0, 0.0), |(a, b), (k, r)| (a + x(k) * x(k), b + x(k) * r));
+        let (xx, xr) = r
+            .iter()
+            .enumerate()
+            .fold((0.0, 0.0), |(a, b), (k, r)| (a + x(k) * x(k), b + x(k) * r));
         boards += mean * mean * len + xr * xr / xx;
         groups += 2.0;
     }
-    let line_scale = (pieces / f64::max(n, 1.0)).max(boards / f64::max(groups, 1.0)).sqrt().max(1.0);
+    let line_scale = (pieces / f64::max(n, 1.0))
+        .max(boards / f64::max(groups, 1.0))
+        .sqrt()
+        .max(1.0);
     for view in &mut work.terms {
         view.nodes.iter_mut().for_each(|n| n.whitener /= node_scale);
         view.line.iter_mut().for_each(|l| l.sd_px *= line_scale);
@@ -377,7 +424,9 @@ fn models(
 ) -> Vec<(Free, Solved)> {
     let mut solved: Vec<(Free, Solved)> = Vec::new();
     let fit = |free: Free, from: &State| {
-        adjust::solve(from, &work.terms, prior, free).ok().map(|s| (free, s))
+        adjust::solve(from, &work.terms, prior, free)
+            .ok()
+            .map(|s| (free, s))
     };
     for free in adjust::lens_models(&options.camera, true) {
         solved.extend(fit(free, full));
@@ -416,7 +465,9 @@ fn finish(
     mut doubts: Vec<Doubt>,
     prior: &[Known; SHARED],
 ) -> Result<Fitted, FreeError> {
-    let sheet = state.sheet.ok_or(FreeError::NoCamera { source: LmError::NotFinite })?;
+    let sheet = state.sheet.ok_or(FreeError::NoCamera {
+        source: LmError::NotFinite,
+    })?;
     let mut met = Vec::new();
     let mut views: Vec<ViewReport> = Vec::with_capacity(seen.len());
     let (mut nodes, mut lines) = (Vec::new(), Vec::new());
@@ -435,9 +486,16 @@ fn finish(
             let (pose, terms) = (&work.state.poses[at], &work.terms[at]);
             let off = residuals::nodes_px(&work.state.lens, pose, terms);
             report.rms_px = residuals::rms(&off);
-            report.nodes = view.nodes.iter().zip(&off).map(|(n, e)| [n.pixel, (*e).into()]).collect();
+            report.nodes = view
+                .nodes
+                .iter()
+                .zip(&off)
+                .map(|(n, e)| [n.pixel, (*e).into()])
+                .collect();
             let line = residuals::line(&work.state, pose, terms);
-            report.line = (terms.line.iter().zip(&line)).map(|(l, r)| (l.pixel.into(), r.0, r.1)).collect();
+            report.line = (terms.line.iter().zip(&line))
+                .map(|(l, r)| (l.pixel.into(), r.0, r.1))
+                .collect();
             report.far_m = pose.translation.norm();
             report.tilt_rad = pose.rotation[(2, 2)].abs().min(1.0).acos();
             nodes.extend(off);
@@ -452,7 +510,10 @@ fn finish(
     let focal_sd = covariance[(FOCAL, FOCAL)].sqrt() / state.lens.numbers[FOCAL];
     let angle_deg = checks::widest_angle_rad(&work.state).to_degrees();
     if focal_sd > 0.01 {
-        doubts.push(Doubt::FewTilts { angle_deg, focal_sd });
+        doubts.push(Doubt::FewTilts {
+            angle_deg,
+            focal_sd,
+        });
     }
     let sheared: Vec<f64> = (reasons.iter().flatten())
         .filter_map(|r| match r {
@@ -493,13 +554,20 @@ fn held(
 ) -> Option<Held> {
     let every = options.hold_out_every;
     let n = work.views.len();
-    let out: Vec<usize> = (0..n).filter(|k| every > 0 && k % every == every - 1).collect();
+    let out: Vec<usize> = (0..n)
+        .filter(|k| every > 0 && k % every == every - 1)
+        .collect();
     let with_line = |k: &usize| work.terms[*k].line.len() >= 4;
     let rest: Vec<usize> = (0..n).filter(|k| !out.contains(k)).collect();
-    if out.is_empty() || rest.len() < options.fewest_boards || rest.iter().filter(|k| with_line(k)).count() < options.fewest_lines {
+    if out.is_empty()
+        || rest.len() < options.fewest_boards
+        || rest.iter().filter(|k| with_line(k)).count() < options.fewest_lines
+    {
         return None;
     }
-    let pick = |some: &[usize]| -> Vec<ViewTerms> { some.iter().map(|k| work.terms[*k].clone()).collect() };
+    let pick = |some: &[usize]| -> Vec<ViewTerms> {
+        some.iter().map(|k| work.terms[*k].clone()).collect()
+    };
     let mut start = work.state.clone();
     start.poses = rest.iter().map(|k| work.state.poses[*k]).collect();
     let fitted = adjust::solve(&start, &pick(&rest), prior, free).ok()?;

@@ -37,7 +37,12 @@ const STEP_PX: f64 = 1e-3;
 impl SheetMap {
     /// A map in the sheet's own axes; `covariance` of the camera's numbers, then the sheet's; `met`: where the line was
     /// seen, camera frame \[m\].
-    pub(super) fn new(lens: Lens, sheet: LaserSurface, covariance: DMatrix<f64>, met: &[Vector3<f64>]) -> Self {
+    pub(super) fn new(
+        lens: Lens,
+        sheet: LaserSurface,
+        covariance: DMatrix<f64>,
+        met: &[Vector3<f64>],
+    ) -> Self {
         let frame = sheet.frame();
         let axis = sheet.meet(&Vector3::zeros(), &Vector3::z());
         let mean = met.iter().sum::<Vector3<f64>>() / met.len().max(1) as f64;
@@ -165,12 +170,19 @@ impl SheetMap {
     /// Numbers that a fit can have; for files.
     pub(crate) fn is_sound(&self) -> bool {
         let n = &self.lens.numbers;
-        let finite = n.iter().chain(&self.sheet.numbers).chain(&self.origin_m).chain(self.axes.iter().flatten());
+        let finite = n
+            .iter()
+            .chain(&self.sheet.numbers)
+            .chain(&self.origin_m)
+            .chain(self.axes.iter().flatten());
         self.covariance.nrows() == SHARED
             && finite.into_iter().all(|v| v.is_finite())
             && n[0] > 1.0
             && n[1] > 0.1
             && (0.9..3.0).contains(&n[MEDIUM])
-            && self.lens.plate.is_none_or(|p| (0.0..1.0).contains(&p.glass_m) && (0.9..3.0).contains(&p.n_glass))
+            && self
+                .lens
+                .plate
+                .is_none_or(|p| (0.0..1.0).contains(&p.glass_m) && (0.9..3.0).contains(&p.n_glass))
     }
 }

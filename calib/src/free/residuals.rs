@@ -8,7 +8,10 @@ use super::camera::{FOCAL, Lens, STEPS};
 /// Node residuals of a view, seen minus predicted \[px\].
 pub(super) fn nodes_px(lens: &Lens, pose: &Pose, view: &ViewTerms) -> Vec<Vector2<f64>> {
     let of = |n: &super::bundle::NodeTerm| Some(n.pixel - lens.project(&pose.at(n.board_m))?);
-    view.nodes.iter().map(|n| of(n).unwrap_or_else(|| Vector2::repeat(f64::NAN))).collect()
+    view.nodes
+        .iter()
+        .map(|n| of(n).unwrap_or_else(|| Vector2::repeat(f64::NAN)))
+        .collect()
 }
 
 /// Root mean square of a coordinate of residuals.
@@ -29,7 +32,8 @@ pub(super) fn line(state: &State, pose: &Pose, view: &ViewTerms) -> Vec<(f64, f6
     (view.line.iter())
         .filter_map(|p| {
             let off = distance(p.pixel)?;
-            let slope = (distance(p.pixel + p.across * 0.05)? - distance(p.pixel - p.across * 0.05)?) / 0.1;
+            let slope =
+                (distance(p.pixel + p.across * 0.05)? - distance(p.pixel - p.across * 0.05)?) / 0.1;
             Some((off, off / slope))
         })
         .collect()
@@ -85,7 +89,9 @@ pub(super) enum Extra {
 pub(super) fn wish(lens: &Lens, pose: &Pose, view: &ViewTerms, extra: Extra) -> Option<Wish> {
     let n = view.nodes.len();
     let rows = view.nodes.iter().map(|n| n.pixel[1]);
-    let (low, high) = rows.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), r| (a.min(r), b.max(r)));
+    let (low, high) = rows.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), r| {
+        (a.min(r), b.max(r))
+    });
     let mut j = DMatrix::zeros(2 * n, 7);
     let mut e = DVector::zeros(2 * n);
     for (i, node) in view.nodes.iter().enumerate() {

@@ -36,16 +36,19 @@ pub(super) fn focal_px(homographies: &[Matrix3<f64>], centre: Vector2<f64>) -> O
 /// Homography from the board \[m\] to the image of each view.
 pub(super) fn homographies(views: &[&Seen]) -> Vec<Option<Matrix3<f64>>> {
     let of = |view: &&Seen| {
-        let pairs: Vec<_> = (view.nodes.iter())
-            .map(|n| (n.board_m, n.pixel))
-            .collect();
+        let pairs: Vec<_> = (view.nodes.iter()).map(|n| (n.board_m, n.pixel)).collect();
         homography(&pairs)
     };
     views.iter().map(of).collect()
 }
 
 /// Pose of a board seen with that homography by a pinhole.
-pub(super) fn pose(h: &Matrix3<f64>, focal_px: f64, aspect: f64, centre: Vector2<f64>) -> Option<Pose> {
+pub(super) fn pose(
+    h: &Matrix3<f64>,
+    focal_px: f64,
+    aspect: f64,
+    centre: Vector2<f64>,
+) -> Option<Pose> {
     let k = Matrix3::new(
         focal_px,
         0.0,
@@ -62,7 +65,11 @@ pub(super) fn pose(h: &Matrix3<f64>, focal_px: f64, aspect: f64, centre: Vector2
     if m[(2, 2)] < 0.0 {
         scale = -scale;
     }
-    let (a, b, t) = (m.column(0) * scale, m.column(1) * scale, m.column(2) * scale);
+    let (a, b, t) = (
+        m.column(0) * scale,
+        m.column(1) * scale,
+        m.column(2) * scale,
+    );
     let svd = Matrix3::from_columns(&[a, b, a.cross(&b)]).svd(true, true);
     let rotation = svd.u? * svd.v_t?;
     let sound = rotation.iter().chain(t.iter()).all(|v| v.is_finite()) && t[2] > 0.0;
@@ -91,7 +98,9 @@ pub(super) fn plane(lines: &[Vec<Vector3<f64>>]) -> Option<LaserSurface> {
     for (k, a) in lines.iter().enumerate() {
         for b in &lines[k + 1..] {
             let both: Vec<Vector3<f64>> = a.iter().chain(b.iter()).copied().collect();
-            let Some(m) = least_squares(&both) else { continue };
+            let Some(m) = least_squares(&both) else {
+                continue;
+            };
             let distance = |p: &Vector3<f64>| ((m.dot(p) - 1.0) / m.norm()).abs();
             let mut off: Vec<f64> = (lines.iter())
                 .map(|line| line.iter().map(distance).sum::<f64>() / line.len() as f64)
@@ -108,8 +117,14 @@ pub(super) fn plane(lines: &[Vec<Vector3<f64>>]) -> Option<LaserSurface> {
     let origin = all.iter().sum::<Vector3<f64>>() / all.len() as f64;
     let along: Vector3<f64> = (lines.iter())
         .filter_map(|l| Some(l.last()? - l.first()?))
-        .fold(Vector3::zeros(), |sum, d| if sum.dot(&d) < 0.0 { sum - d } else { sum + d });
-    LaserSurface::plane(m, origin - m * ((m.dot(&origin) - 1.0) / m.norm_squared()), along)
+        .fold(Vector3::zeros(), |sum, d| {
+            if sum.dot(&d) < 0.0 { sum - d } else { sum + d }
+        });
+    LaserSurface::plane(
+        m,
+        origin - m * ((m.dot(&origin) - 1.0) / m.norm_squared()),
+        along,
+    )
 }
 
 /// The plane m·X = 1 with the least squared distances from points; `None` where they lie on a line.
@@ -136,13 +151,22 @@ fn least_squares(points: &[Vector3<f64>]) -> Option<Vector3<f64>> {
 pub(super) fn state(views: &[&Seen], lens: camera::Lens, focal_known: bool) -> Option<State> {
     let homographies = homographies(views);
     let known: Vec<Matrix3<f64>> = homographies.iter().flatten().copied().collect();
-    let centre = Vector2::new(lens.numbers[camera::CENTRE], lens.numbers[camera::CENTRE + 1]);
+    let centre = Vector2::new(
+        lens.numbers[camera::CENTRE],
+        lens.numbers[camera::CENTRE + 1],
+    );
     let mut lens = lens;
     // In water a camera looks as if its focal length were n times longer.
-    let n = if lens.plate.is_some() { lens.numbers[camera::MEDIUM] } else { 1.0 };
+    let n = if lens.plate.is_some() {
+        lens.numbers[camera::MEDIUM]
+    } else {
+        1.0
+    };
     if !focal_known {
         let range = 0.15 * lens.numbers[camera::FOCAL]..12.0 * lens.numbers[camera::FOCAL];
-        let seen = focal_px(&known, centre).map(|f| f / n).filter(|f| range.contains(f));
+        let seen = focal_px(&known, centre)
+            .map(|f| f / n)
+            .filter(|f| range.contains(f));
         lens.numbers[camera::FOCAL] = seen.unwrap_or(lens.numbers[camera::FOCAL]);
     }
     let apparent = n * lens.numbers[camera::FOCAL];

@@ -34,7 +34,9 @@ pub(super) fn pieces(
     let stride = (places.len() / 24).max(1);
     let mut widths: Vec<f64> = (places.iter().step_by(stride))
         .filter_map(|&t| {
-            let fits = WIDTHS.iter().filter_map(|&w| fit(image, chart, line, t, w, noise));
+            let fits = WIDTHS
+                .iter()
+                .filter_map(|&w| fit(image, chart, line, t, w, noise));
             fits.min_by(|a, b| a.point.sd_px.total_cmp(&b.point.sd_px))
         })
         .map(|p| p.sigma_px)
@@ -62,7 +64,9 @@ fn places(chart: &Chart<'_>, line: &Straight) -> Vec<f64> {
     let mut t = line.reach[0];
     while t <= line.reach[1] {
         places.push(t);
-        let step = chart.jacobian(line.at(t)).map_or(0.0, |j| (j * Vector2::from(line.along)).norm());
+        let step = chart
+            .jacobian(line.at(t))
+            .map_or(0.0, |j| (j * Vector2::from(line.along)).norm());
         if step < 1.0 {
             break;
         }
@@ -80,7 +84,10 @@ fn settle(found: &mut Vec<Piece>) -> f64 {
             return scatter;
         }
         let middle = found.iter().map(|p| p.t).sum::<f64>() / n as f64;
-        let span = found.iter().map(|p| (p.t - middle).abs()).fold(1e-9, f64::max);
+        let span = found
+            .iter()
+            .map(|p| (p.t - middle).abs())
+            .fold(1e-9, f64::max);
         let row = |p: &Piece| {
             let x = (p.t - middle) / span;
             SVector::<f64, 3>::new(1.0, x, x * x)
@@ -178,7 +185,12 @@ fn fit(
     let sd_px = variance.sqrt();
     // Of both sides something must be there, and the ridge must stand out of what it leaves.
     let sigma_px = x[4].exp();
-    let sides = [-1.0, 1.0].map(|s| pixels.iter().filter(|q| s * (q[0] - x[3]) > 0.7 * sigma_px).count());
+    let sides = [-1.0, 1.0].map(|s| {
+        pixels
+            .iter()
+            .filter(|q| s * (q[0] - x[3]) > 0.7 * sigma_px)
+            .count()
+    });
     let sound = x[2] > 4.0 && x[2] > 3.0 * left && sd_px < 0.5 && sides.iter().all(|n| *n >= 6);
     sound.then(|| Piece {
         point: LinePoint {
