@@ -15,10 +15,13 @@ mod bundle;
 pub mod camera;
 mod checks;
 mod fit;
+pub mod intrinsics;
 pub mod map;
 mod residuals;
 pub mod sheet;
 mod start;
+#[cfg(test)]
+mod tests;
 
 pub use bundle::Pose;
 pub use checks::{Doubt, FreeError, LeftOut};

@@ -176,3 +176,53 @@ fn boards_without_a_line_are_refused_with_their_reason() {
         "{error}"
     );
 }
+
+/// Calibrated in air behind its port, used in water.
+#[test]
+#[ignore = "minutes; the command is in the book"]
+fn air_to_water() {
+    let (mut worst, mut worst_without) = (0.0f64, 0.0f64);
+    let (mut inside, mut total) = (0usize, 0usize);
+    for seed in 0..6 {
+        let mut session = Session::random(seed, 14, true);
+        session.camera.n_medium = 1.0003;
+        // Rays are those of the camera in air.
+        session = Session::new(
+            session.camera,
+            session.laser,
+            session.board,
+            session.poses,
+            session.scene,
+        );
+        let fitted = calibrate(&see(&session), &options(&session)).unwrap();
+        let wet = fitted.map.in_medium(Known::new(1.335, 0.0005)).unwrap();
+        let mut camera = session.camera;
+        camera.n_medium = 1.335;
+        for r in (4..576).step_by(24) {
+            for c in (4..720).step_by(24) {
+                let (c, r) = (f64::from(c), f64::from(r));
+                let (Some(plane), Some(dry)) = (wet.to_plane(c, r), fitted.map.point(c, r)) else {
+                    continue;
+                };
+                let (from, along) = camera.ray(c, r);
+                let laser = &session.laser;
+                let truth = from
+                    + along
+                        * ((laser.offset_m - laser.normal.dot(&from)) / laser.normal.dot(&along));
+                let at = wet.coordinates(&truth);
+                let d = nalgebra::Vector2::new(plane.xi_m - at[0], plane.eta_m - at[1]);
+                worst = worst.max(d.norm());
+                worst_without = worst_without.max((fitted.map.coordinates(&dry) - at).norm());
+                inside +=
+                    usize::from(d.dot(&(plane.covariance_m2.try_inverse().unwrap() * d)) < 5.991);
+                total += 1;
+            }
+        }
+    }
+    println!(
+        "air to water: worst {:.3} mm, without the port's model {:.1} mm; {inside} of {total} inside",
+        1e3 * worst,
+        1e3 * worst_without
+    );
+    assert!(inside * 10 >= total * 9);
+}

@@ -63,6 +63,9 @@ pub struct Args {
     /// Boards held in the hand, the line across them: fits camera, port and laser sheet together
     #[arg(long, conflicts_with_all = ["method", "at", "accept_unknown_gap", "annotate", "json"])]
     free: bool,
+    /// For --free: camera that OpenCV or ROS (YAML), Kalibr or MATLAB (JSON) calibrated in air; taken as good to 0.3 %
+    #[arg(long, requires = "free", value_name = "FILE")]
+    intrinsics: Option<PathBuf>,
     /// Calibration to write
     #[arg(long, value_name = "CALIB.toml")]
     out: PathBuf,

@@ -10,6 +10,7 @@ use hydroline_calib::calibration::compare::compare;
 use hydroline_calib::calibration::{Calibration, MapParameters};
 use hydroline_calib::detect::{Grey, detect_in_hand, find_line};
 use hydroline_calib::free::camera::{MEDIUM, PORT, Plate};
+use hydroline_calib::free::intrinsics::Intrinsics;
 use hydroline_calib::free::{self, CameraPrior, Doubt, Fitted, FreeOptions, Seen, SheetMap};
 use hydroline_calib::map::refractive::Known;
 use hydroline_calib::{ImageSize, Medium};
@@ -18,6 +19,7 @@ use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_daemon::calibrate::{Setup, medium, rfc3339};
 use hydroline_log::{LogReader, Record};
 use hydroline_numerics::{cancel, parallel};
+use hydroline_rigs::bounded;
 use std::path::Path;
 
 /// Images looked at together.
@@ -214,7 +216,16 @@ pub fn run(
             setup.board.name, boards.looked
         )));
     };
-    let options = FreeOptions::new(image, prior(args, setup, image));
+    let mut camera = prior(args, setup, image);
+    if let Some(path) = &args.intrinsics {
+        let config = |e: String| CliError::Config(format!("--intrinsics {}: {e}", path.display()));
+        let text =
+            bounded::read_text(path, bounded::RESULT_BYTES).map_err(|e| config(e.to_string()))?;
+        camera = Intrinsics::parse(&text)
+            .and_then(|read| read.over(camera, image))
+            .map_err(|e| config(e.to_string()))?;
+    }
+    let options = FreeOptions::new(image, camera);
     let fitted =
         free::calibrate(&boards.seen, &options).map_err(|e| CliError::Run(e.to_string()))?;
     let worst_m = worst_sd_m(&fitted.map, image);
