@@ -128,8 +128,9 @@ fn the_sheet_and_its_uncertainty_are_right() {
         let at = fitted.map.coordinates(&(from + along * far));
         let plane = fitted.map.to_plane(300.0, 320.0).unwrap();
         let d = Vector2::new(plane.xi_m, plane.eta_m) - at;
-        assert!(d.norm() < 0.3e-3, "{d}");
         let z = d.dot(&(plane.covariance_m2.try_inverse().unwrap() * d));
+        // Once in 10 000 by chance.
+        assert!(z < 18.4, "{d} {}", plane.covariance_m2);
         inside += u32::from(z < 5.991);
         total += 1;
         assert_eq!(
