@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::IdealMap;
 use crate::board::coplanarity::Coplanarity;
+use crate::free::SheetMap;
 use crate::map::{FittedMap, HomographyMap, RefractiveMap};
 use crate::plane::{Fan, ImageSize, PlaneMap};
 use board_map::{BoardMap, NoMap};
@@ -119,6 +120,9 @@ pub enum MapParameters {
     /// Flat port.
     #[serde(rename = "refractive")]
     Refractive(Box<RefractiveMap>),
+    /// Camera and sheet from boards held in the hand.
+    #[serde(rename = "free")]
+    Free(Box<SheetMap>),
 }
 
 impl MapParameters {
@@ -130,6 +134,7 @@ impl MapParameters {
             MapParameters::Grid(map) => map.kind().name(),
             MapParameters::Homography(_) => "homography",
             MapParameters::Refractive(_) => "refractive",
+            MapParameters::Free(_) => "free",
         }
     }
 
@@ -141,6 +146,7 @@ impl MapParameters {
             MapParameters::Grid(map) => Some(FittedMap::Grid((**map).clone())),
             MapParameters::Homography(map) => Some(FittedMap::Homography((**map).clone())),
             MapParameters::Refractive(map) => Some(FittedMap::Refractive((**map).clone())),
+            MapParameters::Free(map) => Some(FittedMap::Free((**map).clone())),
         }
     }
 }
@@ -266,6 +272,14 @@ impl Calibration {
             #[cfg(feature = "lab")]
             MapParameters::Grid(_) => return Ok(()), // its nodes were checked while it was built
             MapParameters::Homography(map) => {
+                return check(
+                    "map.parameters",
+                    0.0,
+                    map.is_sound(),
+                    "as the fit wrote them",
+                );
+            }
+            MapParameters::Free(map) => {
                 return check(
                     "map.parameters",
                     0.0,

@@ -10,8 +10,10 @@ mod ends;
 mod fine;
 mod identify;
 mod image;
+mod in_hand;
 mod key;
 mod lattice;
+mod line;
 mod marks;
 mod reason;
 mod refine;
@@ -22,6 +24,8 @@ mod tone;
 pub(crate) use ends::part;
 pub(crate) use identify::turn_index;
 pub use image::Grey;
+pub use in_hand::{InHand, LatticeNode, detect_in_hand};
+pub use line::{LinePoint, NoLine, find_line};
 pub use reason::NotFound;
 
 use hydroline_rigs::{Board, BoardPattern};
@@ -117,7 +121,7 @@ pub fn detect(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
 /// [`NotFound`]; [`NotFound::NoBoard`] stands for all reasons that need a second look.
 pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFound> {
     reason::refuse_empty(image)?;
-    let Some(seen) = see(image, board) else {
+    let Some(seen) = see(image, board, fewest(board)) else {
         return Err(NotFound::NoBoard);
     };
     if seen.blur_px >= WORST_BLUR_PX {
@@ -182,8 +186,8 @@ struct Seen {
 /// Half size first: most boards are found there, four times faster; then full size for
 /// thin lines, then a quarter for large marks. Dots are large: a quarter first. Lattices are
 /// cheap beside the fit of their nodes, so one that is not the whole board waits for what
-/// the next size shows.
-fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
+/// the next size shows. `fewest`: nodes that count as a board.
+fn see(image: &Grey<'_>, board: &Board, fewest: usize) -> Option<Seen> {
     let wanted = [board.columns, board.rows];
     let enough = (board.columns * board.rows) as usize * 7 / 10;
     let reductions = match board.pattern {
@@ -193,7 +197,7 @@ fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
     let mut lattices: Vec<(bool, Coarse)> = Vec::new();
     let mut best: Option<Seen> = None;
     for (tried, reduction) in reductions.into_iter().enumerate() {
-        if let Some(found) = coarse(image, board, reduction) {
+        if let Some(found) = coarse(image, board, reduction, fewest) {
             let [ni, nj] = found.0.extent();
             let whole = [ni, nj] == wanted || [nj, ni] == wanted;
             lattices.push((whole && found.0.nodes.len() >= enough, found));
@@ -207,7 +211,7 @@ fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
         }
         lattices.sort_by_key(|(whole, l)| std::cmp::Reverse((*whole, l.0.nodes.len())));
         for (_, found) in lattices.drain(..) {
-            if let Some(seen) = see_in(image, board, found)
+            if let Some(seen) = see_in(image, board, found, fewest)
                 && best
                     .as_ref()
                     .is_none_or(|b| seen.nodes.len() > b.nodes.len())
@@ -225,7 +229,12 @@ fn see(image: &Grey<'_>, board: &Board) -> Option<Seen> {
 /// Lattice in one size of the image, all candidates there, and those that it did not use.
 type Coarse = (Lattice, Vec<Candidate>, Rest);
 
-fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) -> Option<Seen> {
+fn see_in(
+    image: &Grey<'_>,
+    board: &Board,
+    (lattice, candidates, rest): Coarse,
+    fewest: usize,
+) -> Option<Seen> {
     let mut ordered = Ordered::upright(&lattice, &candidates);
     if matches!(board.pattern, BoardPattern::Dots { .. }) {
         centre_dots(image, board, &mut ordered);
@@ -254,7 +263,7 @@ fn see_in(image: &Grey<'_>, board: &Board, (lattice, candidates, rest): Coarse) 
     drop_miscounted(&mut nodes);
     let before = nodes.len();
     let map = drop_strays(&mut nodes)?;
-    let sound = nodes.len() >= fewest(board)
+    let sound = nodes.len() >= fewest
         && nodes.len() * 10 >= ordered.nodes.len() * 5
         && nodes.len() * 10 >= before * 8
         && contrast.abs() > 8.0;
@@ -323,7 +332,7 @@ impl Rest {
 }
 
 /// The best lattice at one reduction of the image.
-fn coarse(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Coarse> {
+fn coarse(image: &Grey<'_>, board: &Board, reduction: usize, fewest: usize) -> Option<Coarse> {
     let wanted = (board.columns * board.rows) as usize;
     let plane = Plane::smoothed(image, reduction);
     let candidates = candidates::find(&plane, board.pattern, 4 * wanted + 200);
@@ -331,7 +340,7 @@ fn coarse(image: &Grey<'_>, board: &Board, reduction: usize) -> Option<Coarse> {
     // Two rows and columns more than the board has: a larger board shows as such.
     let lattice = field.grow_best([board.columns + 2, board.rows + 2], wanted * 95 / 100);
     let [ni, nj] = lattice.extent();
-    if lattice.nodes.len() < fewest(board) || ni.min(nj) < 3 {
+    if lattice.nodes.len() < fewest || ni.min(nj) < 3 {
         return None;
     }
     // Candidates inside the lattice (key discs, squares) are part of it.
@@ -360,7 +369,7 @@ pub(super) fn seen_as(image: &Grey<'_>, board: &Board, pattern: BoardPattern) ->
         pattern,
         ..board.clone()
     };
-    see(image, &other).map(|seen| seen.ordered.extent())
+    see(image, &other, fewest(board)).map(|seen| seen.ordered.extent())
 }
 
 #[cfg(test)]

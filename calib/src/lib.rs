@@ -34,6 +34,7 @@ pub mod detect;
 pub mod drawing;
 pub mod flat;
 pub mod frames;
+pub mod free;
 pub mod map;
 pub mod online;
 pub mod plane;

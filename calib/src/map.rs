@@ -35,6 +35,7 @@ pub use region::Region;
 use nalgebra::Matrix2;
 use serde::{Deserialize, Serialize};
 
+use crate::free::SheetMap;
 use crate::plane::{ImageSize, PlanePoint};
 use lm::LmError;
 
@@ -86,6 +87,8 @@ pub enum Method {
     Homography,
     /// Flat port by Snell's law.
     Refractive,
+    /// Camera and sheet from boards held in the hand ([`crate::free`]); not from one board's nodes.
+    Free,
 }
 
 impl Method {
@@ -116,6 +119,7 @@ impl Method {
             Method::RectifiedGraticule => "rectified-graticule",
             Method::Homography => "homography",
             Method::Refractive => "refractive",
+            Method::Free => "free",
         }
     }
 
@@ -160,6 +164,10 @@ pub enum MapError {
         method: &'static str,
         source: LmError,
     },
+    #[error(
+        "`free` needs boards in many poses, not the nodes of one: `hydroline calibrate --free`"
+    )]
+    ManyBoards,
 }
 
 /// Options of a fit beside the nodes.
@@ -181,6 +189,8 @@ pub enum FittedMap {
     Homography(HomographyMap),
     /// Flat port.
     Refractive(RefractiveMap),
+    /// Camera and sheet from boards held in the hand.
+    Free(SheetMap),
 }
 
 /// Fits the map `method` to the nodes.
@@ -205,6 +215,7 @@ pub fn fit(method: Method, nodes: &[Node], options: &FitOptions) -> Result<Fitte
             nodes,
             &options.refractive.ok_or(MapError::PriorMissing)?,
         )?),
+        Method::Free => return Err(MapError::ManyBoards),
     })
 }
 
@@ -227,6 +238,7 @@ macro_rules! each {
             FittedMap::Grid($map) => $answer,
             FittedMap::Homography($map) => $answer,
             FittedMap::Refractive($map) => $answer,
+            FittedMap::Free($map) => $answer,
         }
     };
 }
@@ -244,6 +256,7 @@ impl FittedMap {
             },
             FittedMap::Homography(_) => Method::Homography,
             FittedMap::Refractive(_) => Method::Refractive,
+            FittedMap::Free(_) => Method::Free,
         }
     }
 

@@ -1,6 +1,7 @@
 //! `hydroline calibrate`: images of a board become the map from image to laser plane.
 
 mod collect;
+mod free;
 pub(super) mod json;
 mod picture;
 mod report;
@@ -31,6 +32,10 @@ The board stands in the laser sheet and does not move; images of another pose ar
 Methods: homography (lens and perspective; the default), refractive (flat port by Snell's law), and the literal \
 Wang-Cheng maps graticule, bilinear, affine, and rectified-graticule; `hydroline reproduce calibration` compares them.
 
+With --free the board is held in the hand instead, 15 times or so, near and far and tilted to all sides, so that the laser line \
+crosses it: plain chessboards of any size, whole or in part. Camera, port (in water, or where one is named), board poses and \
+laser sheet are fitted together; images that do not fit are named and left out.
+
 An accepted one is remembered, too ($XDG_DATA_HOME/hydroline/calibrations): `record` uses the latest for its camera, \
 medium and board, and says so. That needs the camera: the log's rig, or --rig.
 
@@ -39,6 +44,7 @@ Examples:
   hydroline calibrate board.png --board chess-25 --rig my.toml --medium fresh --out calib.toml
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
   hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml
+  hydroline calibrate --free hand/ --board chess-25 --out desk.toml
   hydroline calibrate logs/ --board dots-50 --out calib.toml --update    # all logs below
 
 A folder of images stands for them, one without images for all logs in it and below it. A file of several that cannot be used \
@@ -54,6 +60,12 @@ pub struct Args {
     /// Board file or built-in name; default: the rig's [board]
     #[arg(long, value_name = "BOARD")]
     board: Option<String>,
+    /// Boards held in the hand, the line across them: fits camera, port and laser sheet together
+    #[arg(long, conflicts_with_all = ["method", "at", "accept_unknown_gap", "annotate", "json"])]
+    free: bool,
+    /// For --free: camera that OpenCV or ROS (YAML), Kalibr or MATLAB (JSON) calibrated in air; taken as good to 0.3 %
+    #[arg(long, requires = "free", value_name = "FILE")]
+    intrinsics: Option<PathBuf>,
     /// Calibration to write
     #[arg(long, value_name = "CALIB.toml")]
     out: PathBuf,
@@ -69,10 +81,10 @@ pub struct Args {
     /// Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts
     #[arg(long, value_parser = placement, allow_hyphen_values = true, value_name = "XI,ETA[,DEG]")]
     at: Option<Placement>,
-    /// For refractive: entrance pupil to the port's inner face [m]; default: the rig's [port], else 0.03
+    /// For refractive and --free: entrance pupil to the port's inner face [m]; default: the rig's [port], else 0.03
     #[arg(long, value_parser = inputs::not_negative, value_name = "M")]
     port_distance_m: Option<f64>,
-    /// For refractive: thickness of the port [m]; default: the rig's [port], else 0.01
+    /// For refractive and --free: thickness of the port [m]; default: the rig's [port], else 0.01
     #[arg(long, value_parser = inputs::not_negative, value_name = "M")]
     port_glass_m: Option<f64>,
     /// Counts a board without gauge blocks as accepted; the claim stays withdrawn
@@ -185,18 +197,19 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
                 .map_err(|e| CliError::Config(format!("--against {}: {e}", path.display())))?;
         }
     }
-    let collected = {
-        let rule = setup
-            .rig
-            .as_ref()
-            .map_or_else(GreyRule::default, Rig::grey_rule);
-        let reading = collect::Reading {
-            every: args.every,
-            image_topic: args.image_topic.as_deref(),
-            rule: args.grey.over(rule),
-        };
-        collect::collect(&setup, &sources, &reading)?
+    let rule = setup
+        .rig
+        .as_ref()
+        .map_or_else(GreyRule::default, Rig::grey_rule);
+    let reading = collect::Reading {
+        every: args.every,
+        image_topic: args.image_topic.as_deref(),
+        rule: args.grey.over(rule),
     };
+    if args.free {
+        return free::run(args, output, &setup, &sources, &reading, &old);
+    }
+    let collected = collect::collect(&setup, &sources, &reading)?;
     finish(args, output, &setup, &collected, &old)
 }
 

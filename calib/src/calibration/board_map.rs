@@ -134,6 +134,7 @@ impl Calibration {
                 FittedMap::Grid(m) => MapParameters::Grid(Box::new(m)),
                 FittedMap::Homography(m) => MapParameters::Homography(Box::new(m)),
                 FittedMap::Refractive(m) => MapParameters::Refractive(Box::new(m)),
+                FittedMap::Free(m) => MapParameters::Free(Box::new(m)),
             },
             nodes: residuals,
         }

@@ -70,14 +70,18 @@ impl Calibration {
     }
 
     /// The same camera and port in another medium, of that index: only a map that knows its port
-    /// (`refractive`) can be converted. `None` for all others.
+    /// (`refractive`, and `free` with one) can be converted. `None` for all others.
     pub fn in_medium(&self, medium: Medium, index: Known) -> Option<Calibration> {
-        let MapParameters::Refractive(map) = &self.map else {
-            return None;
+        let map = match &self.map {
+            MapParameters::Refractive(map) => {
+                MapParameters::Refractive(Box::new(map.in_water(index)))
+            }
+            MapParameters::Free(map) => MapParameters::Free(Box::new(map.in_medium(index)?)),
+            _ => return None,
         };
         Some(Calibration {
             medium,
-            map: MapParameters::Refractive(Box::new(map.in_water(index))),
+            map,
             ..self.clone()
         })
     }
@@ -97,6 +101,9 @@ impl Calibration {
 
     /// Accuracy that the calibration claims, in words.
     pub fn claim(&self) -> String {
+        if matches!(self.map, MapParameters::Free(_)) {
+            return "camera and laser sheet from boards held in the hand: each point has its own standard deviation".to_owned();
+        }
         let gap = self.coplanarity.as_ref();
         let Some(r) = &self.residuals else {
             return "no nodes: the accuracy is that of the rig's numbers".to_owned();

@@ -13,6 +13,7 @@ use crate::map::geometry::{apply, homography};
 const TERMS: usize = 10;
 
 /// Index to image for a whole board.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Smooth {
     h: Matrix3<f64>,
     high: [f64; 2],
@@ -23,7 +24,7 @@ pub(super) struct Smooth {
 
 impl Smooth {
     /// Fitted to the nodes, and how far each lies off \[px\]; `None` when there is no such map.
-    fn fit(nodes: &[(Index, Refined)]) -> Option<(Self, Vec<f64>)> {
+    pub fn fit(nodes: &[(Index, Refined)]) -> Option<(Self, Vec<f64>)> {
         let pairs: Vec<_> = nodes
             .iter()
             .map(|(k, r)| (k.map(f64::from), r.position))

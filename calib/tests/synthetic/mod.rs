@@ -8,6 +8,7 @@
 #![allow(dead_code, unused_imports)]
 
 mod clutter;
+pub mod hand;
 /// The camera of the lab's comparison of maps, which no map knows.
 #[path = "../../../src/lab/maps/truth.rs"]
 pub mod truth;
