@@ -15,6 +15,7 @@ pub mod limits;
 pub mod mailbox;
 mod manager;
 mod measured_pose;
+mod pilot;
 mod progress;
 mod publisher;
 mod session;
@@ -503,6 +504,8 @@ fn start_service(
             }
         }
         LinkRecord::Event(event) => to.event(&event),
+        LinkRecord::Heard(heard) => pilot::log(&to.recorder, &heard),
+        LinkRecord::Recording { on } => pilot::recording(&to, on),
         LinkRecord::Clock(clock) => {
             *to.controller.held() = Some(clock);
         }
