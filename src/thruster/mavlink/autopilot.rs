@@ -103,11 +103,8 @@ impl SimAutopilot {
         };
         let item = Stream {
             id: MISSION_CURRENT_DATA::ID,
-            ..Stream {
-                id: 0,
-                period_ns: 500_000_000,
-                next_ns: 0,
-            }
+            period_ns: 500_000_000,
+            next_ns: 0,
         };
         Self {
             rng: StdRng::seed_from_u64(config.seed),

@@ -1,5 +1,7 @@
 //! The follower against the simulated autopilot, in simulated time, and the frames against foreign bytes.
 
+mod service;
+
 use super::autopilot::{AutopilotConfig, SimAutopilot, Truth};
 use super::follow::{COMPONENT, Follower};
 use super::frame::Deframer;
