@@ -98,6 +98,9 @@ impl Far {
     fn start(mut end: impl FarEnd) -> Self {
         let config = AutopilotConfig {
             armed: true,
+            // A pseudo-terminal has no wire: without it an answer would be here before the request has left the UART.
+            to_autopilot_ns: 10_000_000,
+            to_host_ns: 10_000_000,
             ..AutopilotConfig::default()
         };
         let autopilot = Arc::new(Mutex::new(SimAutopilot::new(config, Box::new(law))));
