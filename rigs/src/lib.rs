@@ -65,5 +65,7 @@ pub use response::StatedResponse;
 pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
 pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
-pub use thruster::{BollardPull, Link, LinkKind, LinkPort, ThrustCurve, Thruster, ThrusterSet};
+pub use thruster::{
+    BollardPull, Link, LinkKind, LinkPort, Mavlink, RecordOn, ThrustCurve, Thruster, ThrusterSet,
+};
 pub use vehicle::{AxisCoefficients, Dof, Vehicle, VehicleModel};

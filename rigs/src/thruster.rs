@@ -2,9 +2,11 @@
 
 mod curve;
 mod link;
+mod mavlink;
 
 pub use curve::ThrustCurve;
 pub use link::{Link, LinkKind, LinkPort};
+pub use mavlink::{Mavlink, RecordOn};
 
 use crate::raw::{Kind, Quantity, Section, list, name, number, numbers, rows, table, whole};
 use curve::points;

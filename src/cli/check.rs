@@ -9,7 +9,7 @@ use hydroline_rigs::{LinkPort, Rig};
 use hydroline_thruster::ports::Roots;
 use hydroline_thruster::probe::{Answered, probe};
 use hydroline_thruster::service::check_set;
-use hydroline_thruster::transport::SerialTransport;
+use hydroline_thruster::transport::{SerialTransport, UdpTransport};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -163,6 +163,15 @@ fn line(rig: &Rig) -> Finding {
     }
     let look = || match &link.port {
         LinkPort::Sim => Ok("simulated controller on a pseudo-terminal".to_owned()),
+        LinkPort::Udp(address) => {
+            let named = format!("udp:{address} ({:?})", link.kind);
+            let clock = Arc::new(SystemClock);
+            let mut line = UdpTransport::open(*address, clock).map_err(|e| e.to_string())?;
+            let answered = probe(&rig.thrusters, &mut line).map_err(|e| format!("{named}: {e}"))?;
+            outputs(rig, &answered)
+                .map(|words| format!("{named}: {words}"))
+                .map_err(|words| format!("{named}: {words}"))
+        }
         port => {
             let roots = Roots::default();
             let path = roots.resolve(port).map_err(|e| e.to_string())?;
@@ -201,7 +210,8 @@ fn outputs(rig: &Rig, answered: &Answered) -> Result<String, String> {
         };
         let us = pulse.pulse_us();
         // 0 = it sends no pulses: the thruster stands still as well.
-        if pulse.quarter_us != 0 && (us - set.neutral_us).abs() > NEUTRAL_US {
+        if !set.link.follows() && pulse.quarter_us != 0 && (us - set.neutral_us).abs() > NEUTRAL_US
+        {
             return Err(format!(
                 "{} is at {us:.2} us and not at neutral ({} us): another program drives it, or the controller's own home position differs; stop it first",
                 thruster.name, set.neutral_us

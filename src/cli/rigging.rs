@@ -118,7 +118,8 @@ fn start_controller(rig: &Rig, vehicle: &Arc<SimulatedVehicle>) -> Result<PtyCon
     Ok(PtyController::start(controller, None, on_pulses)?)
 }
 
-fn opener(
+/// The way to open a rig's line.
+pub fn opener(
     rig: &Rig,
     clock: &Arc<dyn Clock>,
     controller: Option<&PtyController>,

@@ -15,7 +15,11 @@ pub mod limits;
 pub mod mailbox;
 mod manager;
 mod measured_pose;
+<<<<<<< HEAD
 mod pose_commands;
+=======
+mod pilot;
+>>>>>>> e70
 mod progress;
 mod publisher;
 mod session;
@@ -508,6 +512,8 @@ fn start_service(
             }
         }
         LinkRecord::Event(event) => to.event(&event),
+        LinkRecord::Heard(heard) => pilot::log(&to.recorder, &heard),
+        LinkRecord::Recording { on } => pilot::recording(&to, on),
         LinkRecord::Clock(clock) => {
             *to.controller.held() = Some(clock);
         }

@@ -635,6 +635,8 @@ impl Replay<'_> {
                 }
                 Entry::motion(&motion)
             }
+            Record::AutopilotMotion(motion) => Entry::autopilot_motion(&motion),
+            Record::AutopilotState(state) => Entry::autopilot_state(&state),
             Record::Truth(truth) => Entry::truth(&truth),
             Record::Clock(clock) => Entry::clock(&clock),
             Record::Event(event) => {

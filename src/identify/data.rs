@@ -1,5 +1,6 @@
 //! Runs from logs, and what is known of them before they are fitted.
 
+mod autopilot;
 mod load;
 mod memory;
 mod still;

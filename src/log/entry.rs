@@ -135,6 +135,16 @@ impl Entry {
         Self::encode(Topic::Motion, message, None)
     }
 
+    /// `/autopilot/motion`
+    pub fn autopilot_motion(message: &pb::VehicleMotion) -> Self {
+        Self::encode(Topic::AutopilotMotion, message, None)
+    }
+
+    /// `/autopilot/state`
+    pub fn autopilot_state(message: &pb::AutopilotState) -> Self {
+        Self::encode(Topic::AutopilotState, message, None)
+    }
+
     /// `/sim/truth`
     pub fn truth(message: &pb::VehicleMotion) -> Self {
         Self::encode(Topic::Truth, message, None)

@@ -151,6 +151,8 @@ const PROFILES: &str = "log_ns,timestamp_ns,sequence,column_px,row_px,peak,sd_px
 xi_m,eta_m,xi_sd_m,eta_sd_m";
 const CLOCK: &str = "log_ns,monotonic_ns,realtime_ns,boottime_ns,bracket_ns,offset_us,offset_sd_us,\
 drift_ppm,drift_sd_ppm,round_trip_us,round_trip_spread_us,samples,host_epoch_ns,controller_epoch_us";
+const AUTOPILOT: &str = "log_ns,timestamp_ns,message,autopilot_time_us,armed,mode,battery_v,battery_a,\
+esc_first,esc_rpm,esc_v,esc_a,north_m,east_m,down_m,north_mps,east_mps,down_mps";
 const EVENTS: &str = "log_ns,timestamp_ns,severity,kind,message,values";
 const FRAMES: &str = "log_ns,timestamp_ns,sequence,frame_index,driver_stamp_ns,driver_clock,stamp_source,\
 v4l2_flags,received_monotonic_ns,exposure_s,fault,sequence_gap_before,time_gap_before,bytes_used";
@@ -161,6 +163,8 @@ fn table(record: &Record) -> Option<(&'static str, &'static str)> {
         Record::Echo(_) => ("echoes.csv", ECHOES),
         Record::Motion(_) => ("motion.csv", MOTION),
         Record::Truth(_) => ("truth.csv", MOTION),
+        Record::AutopilotMotion(_) => ("autopilot_motion.csv", MOTION),
+        Record::AutopilotState(_) => ("autopilot_state.csv", AUTOPILOT),
         Record::Profile(_) => ("profiles.csv", PROFILES),
         Record::Clock(_) => ("clock.csv", CLOCK),
         Record::Event(_) => ("events.csv", EVENTS),
@@ -233,7 +237,9 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
                 .cell(e.errors);
             row.end();
         }
-        Record::Motion(m) | Record::Truth(m) => motion(m, log_ns, stamp(m.stamp_ns()), &mut row),
+        Record::Motion(m) | Record::AutopilotMotion(m) | Record::Truth(m) => {
+            motion(m, log_ns, stamp(m.stamp_ns()), &mut row)
+        }
         Record::Profile(p) => profile(p, log_ns, stamp(p.stamp_ns()), &mut row),
         Record::Clock(c) => {
             row.cell(log_ns)
@@ -280,9 +286,37 @@ fn rows(record: &Record, log_ns: u64, out: &mut String) -> bool {
                 .cell(f.bytes_used);
             row.end();
         }
+        Record::AutopilotState(a) => autopilot(a, log_ns, stamp(a.stamp_ns()), &mut row),
         _ => {}
     }
     out.len() > before
+}
+
+fn autopilot(a: &pb::AutopilotState, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {
+    let list = |values: &[f64]| {
+        values
+            .iter()
+            .map(f64::to_string)
+            .collect::<Vec<_>>()
+            .join(" ")
+    };
+    row.cell(log_ns).cell(stamp_ns).text(&a.message);
+    row.cell(a.autopilot_time_us)
+        .maybe(a.armed)
+        .maybe(a.mode)
+        .maybe(a.battery_v)
+        .maybe(a.battery_a);
+    row.cell(a.esc_first)
+        .text(&list(&a.esc_rpm))
+        .text(&list(&a.esc_v))
+        .text(&list(&a.esc_a));
+    row.maybe(a.north_m)
+        .maybe(a.east_m)
+        .maybe(a.down_m)
+        .maybe(a.north_mps)
+        .maybe(a.east_mps)
+        .maybe(a.down_mps);
+    row.end();
 }
 
 fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) {

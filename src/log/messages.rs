@@ -104,7 +104,7 @@ macro_rules! stamped {
     };
 }
 stamped!(unix_ns => ThrusterCommand, ThrusterEcho, VehicleMotion, FrameInfo, ClockPair, pb::Event,
-    StripeProfile, PlaneCalibration);
+    StripeProfile, PlaneCalibration, pb::AutopilotState);
 stamped!(foxglove_ns => RawImage, CompressedImage, CameraCalibration, ImageAnnotations, PoseInFrame, Log);
 
 /// An event as a message.

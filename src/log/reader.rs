@@ -34,6 +34,10 @@ pub enum Record {
     Echo(pb::ThrusterEcho),
     /// `/vehicle/motion`
     Motion(pb::VehicleMotion),
+    /// `/autopilot/motion`
+    AutopilotMotion(pb::VehicleMotion),
+    /// `/autopilot/state`
+    AutopilotState(pb::AutopilotState),
     /// `/sim/truth`
     Truth(pb::VehicleMotion),
     /// `/clock`
@@ -350,6 +354,8 @@ pub(super) fn decode(
         Topic::Command => Record::Command(from(data)?),
         Topic::Echo => Record::Echo(from(data)?),
         Topic::Motion => Record::Motion(from(data)?),
+        Topic::AutopilotMotion => Record::AutopilotMotion(from(data)?),
+        Topic::AutopilotState => Record::AutopilotState(from(data)?),
         Topic::Truth => Record::Truth(from(data)?),
         Topic::Pose => Record::Pose(from(data)?),
         Topic::Clock => Record::Clock(from(data)?),

@@ -31,6 +31,10 @@ pub enum Topic {
     Motion,
     /// `/vehicle/pose`.
     Pose,
+    /// `/autopilot/motion`.
+    AutopilotMotion,
+    /// `/autopilot/state`.
+    AutopilotState,
     /// `/clock`.
     Clock,
     /// `/daemon/event`.
@@ -52,7 +56,7 @@ pub struct SchemaText {
 
 impl Topic {
     /// Every topic, in the order of reference/interfaces.md.
-    pub const ALL: [Topic; 15] = [
+    pub const ALL: [Topic; 17] = [
         Topic::RawImage,
         Topic::CompressedImage,
         Topic::FrameInfo,
@@ -64,6 +68,8 @@ impl Topic {
         Topic::Echo,
         Topic::Motion,
         Topic::Pose,
+        Topic::AutopilotMotion,
+        Topic::AutopilotState,
         Topic::Clock,
         Topic::Event,
         Topic::Log,
@@ -83,6 +89,8 @@ impl Topic {
             Topic::Echo => "/thruster/echo",
             Topic::Motion => "/vehicle/motion",
             Topic::Pose => "/vehicle/pose",
+            Topic::AutopilotMotion => "/autopilot/motion",
+            Topic::AutopilotState => "/autopilot/state",
             Topic::Clock => "/clock",
             Topic::Event => "/daemon/event",
             Topic::Log => "/daemon/log",
@@ -102,7 +110,8 @@ impl Topic {
             Topic::Profile => "hydroline.StripeProfile",
             Topic::Command => "hydroline.ThrusterCommand",
             Topic::Echo => "hydroline.ThrusterEcho",
-            Topic::Motion | Topic::Truth => "hydroline.VehicleMotion",
+            Topic::Motion | Topic::AutopilotMotion | Topic::Truth => "hydroline.VehicleMotion",
+            Topic::AutopilotState => "hydroline.AutopilotState",
             Topic::Pose => "foxglove.PoseInFrame",
             Topic::Clock => "hydroline.ClockPair",
             Topic::Event => "hydroline.Event",

@@ -14,6 +14,8 @@ mod serve;
 
 pub use config::ControllerConfig;
 pub use faults::Faults;
+#[cfg(test)]
+pub(crate) use pty::open_pty;
 pub use pty::{PtyController, PtyError};
 pub use serve::{ServeEnd, serve};
 

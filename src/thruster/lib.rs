@@ -28,6 +28,7 @@ pub mod curve;
 pub mod link;
 pub mod lowlatency;
 pub mod maestro;
+pub mod mavlink;
 pub mod ports;
 pub mod probe;
 pub mod record;

@@ -5,6 +5,7 @@
 //! the Maestro with the positions that are asked for right behind the targets.
 
 mod maestro;
+mod mavlink;
 mod stamped;
 
 pub use maestro::MaestroProtocol;
@@ -12,6 +13,8 @@ pub use stamped::{StampedProtocol, StampedSettings};
 
 use super::ChannelPulse;
 use super::clocksync::{Estimate, SyncSettings};
+use super::mavlink::Heard;
+use super::mavlink::follow::Follower;
 use super::transport::{Sent, Transport};
 use hydroline_rigs::{LinkKind, ThrusterSet};
 use std::io;
@@ -67,6 +70,18 @@ pub enum LinkEvent {
         /// Number of sets.
         sets: usize,
     },
+    /// An autopilot's message for the log.
+    Heard(Heard),
+    /// Messages of the autopilot that never came.
+    Missed {
+        /// Their number.
+        messages: u64,
+    },
+    /// The autopilot's side begins or ends the recording.
+    Recording {
+        /// Whether it begins.
+        on: bool,
+    },
 }
 
 impl LinkEvent {
@@ -103,6 +118,8 @@ pub trait Protocol: Send {
     fn tick(&mut self, now_ns: u64, events: &mut Vec<LinkEvent>);
     /// State of the controller's clock, where it has one.
     fn clock(&self) -> Option<Estimate>;
+    /// Words for whoever drives, where the protocol has a way to them.
+    fn tell(&mut self, _words: &str) {}
 }
 
 /// A link to a thruster controller: its protocol over a byte line.
@@ -204,6 +221,11 @@ impl ThrusterLink {
         }
     }
 
+    /// Words for whoever drives, where the protocol has a way to them.
+    pub fn tell(&mut self, words: &str) {
+        self.protocol.tell(words);
+    }
+
     /// Bytes the kernel still holds although they should be out; `None` where it cannot say.
     pub fn unsent_bytes(&mut self) -> Option<usize> {
         self.transport.unsent_bytes()
@@ -235,6 +257,7 @@ pub fn protocol_for(set: &ThrusterSet) -> Box<dyn Protocol> {
             sync_rate_hz: 2.0,
             sync: SyncSettings::default(),
         })),
+        LinkKind::Mavlink => Box::new(Follower::new(set.link.autopilot(), set.link.rate_hz)),
     }
 }
 

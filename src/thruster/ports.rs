@@ -165,6 +165,12 @@ impl Roots {
                         .into(),
                 });
             }
+            LinkPort::Udp(address) => {
+                return Err(OpenError::NotFound {
+                    wanted: format!("udp:{address}"),
+                    hint: "it is no serial port".into(),
+                });
+            }
             LinkPort::ById(name) => ("by-id", name),
             LinkPort::ByPath(name) => ("by-path", name),
         };

@@ -13,7 +13,10 @@
 //! Source: Pololu Maestro Servo Controller User's Guide, sections 5.a (serial modes), 5.d (CRC), 5.e (commands).
 
 use super::ChannelPulse;
+use super::link::LinkEvent;
 use super::maestro::{self, GET_ERRORS};
+use super::mavlink::follow::Follower;
+use super::mavlink::{Content, Heard};
 use super::stamped::{ControllerMessage, Deframer, HostMessage, OutputState};
 use super::transport::Transport;
 use hydroline_rigs::{LinkKind, ThrusterSet};
@@ -64,6 +67,10 @@ pub enum ProbeError {
         bytes: usize,
         first: Vec<u8>,
     },
+    #[error(
+        "an autopilot answers, but does not say what it puts out (SERVO_OUTPUT_RAW, ACTUATOR_OUTPUT_STATUS): raise the rate of its RC_CHANNELS stream (SRx_RC_CHAN of ArduSub), and look whether its servo outputs are assigned"
+    )]
+    NoOutputs,
     #[error("the line failed: {0}")]
     Io(#[from] io::Error),
 }
@@ -74,6 +81,7 @@ pub fn probe(set: &ThrusterSet, line: &mut dyn Transport) -> Result<Answered, Pr
     match set.link.kind {
         LinkKind::Stamped => stamped(&channels, line),
         LinkKind::Maestro => maestro(&channels, line),
+        LinkKind::Mavlink => autopilot(set, line),
     }
 }
 
@@ -99,6 +107,52 @@ fn drain(line: &mut dyn Transport) -> io::Result<()> {
     let until_ns = line.now_ns() + ANSWER_WITHIN.as_nanos() as u64;
     while line.now_ns() < until_ns && line.read(&mut buffer, ANSWER_WITHIN / 10)? > 0 {}
     Ok(())
+}
+
+/// Longest wait for an autopilot's heartbeat (1 /s) and outputs after it.
+const HEARTBEAT_WITHIN: Duration = Duration::from_secs(3);
+
+/// Listens as a recording does; what is sent is a heartbeat and the requests for messages.
+fn autopilot(set: &ThrusterSet, line: &mut dyn Transport) -> Result<Answered, ProbeError> {
+    let mut follower = Follower::new(set.link.autopilot(), set.link.rate_hz);
+    follower.opened(line.now_ns());
+    let until_ns = line.now_ns() + HEARTBEAT_WITHIN.as_nanos() as u64;
+    let (mut first, mut bytes, mut is_sound) = (Vec::new(), 0, false);
+    let (mut out, mut buffer, mut events) = (Vec::new(), [0u8; 256], Vec::new());
+    while line.now_ns() < until_ns {
+        out.clear();
+        follower.housekeeping(line.now_ns(), &mut out);
+        if !out.is_empty() {
+            follower.sent(line.write(&out, ANSWER_WITHIN)?.last_byte_out_ns);
+        }
+        let got = line.read(&mut buffer, ANSWER_WITHIN / 10)?;
+        bytes += got;
+        first.extend_from_slice(&buffer[..got.min(8_usize.saturating_sub(first.len()))]);
+        follower.receive(&buffer[..got], line.now_ns(), &mut events);
+        for event in events.drain(..) {
+            is_sound |= event.is_sound();
+            if let LinkEvent::Heard(Heard {
+                what: Content::Outputs(pulses),
+                ..
+            }) = event
+            {
+                return Ok(Answered {
+                    pulses,
+                    errors: Vec::new(),
+                    watchdog_ms: None,
+                });
+            }
+        }
+    }
+    Err(match (is_sound, bytes) {
+        (true, _) => ProbeError::NoOutputs,
+        (false, 0) => ProbeError::Silent,
+        (false, _) => ProbeError::Nonsense {
+            protocol: "mavlink",
+            bytes,
+            first,
+        },
+    })
 }
 
 fn nonsense(protocol: &'static str, got: &[u8]) -> ProbeError {

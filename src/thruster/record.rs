@@ -1,5 +1,6 @@
 //! Records of the thruster service, ready for the log: fields of `hydroline.proto`, times UNIX \[ns\].
 
+use super::mavlink::Content;
 use hydroline_core::event::Event;
 use std::sync::Arc;
 
@@ -71,6 +72,17 @@ pub struct ControllerClock {
     pub controller_epoch_us: u64,
 }
 
+/// What an autopilot says besides its outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HeardRecord {
+    /// When it was true, UNIX \[ns\].
+    pub timestamp_ns: u64,
+    /// Autopilot's clock \[us\], unwrapped; 0 = the message has no stamp.
+    pub autopilot_us: u64,
+    /// Its content, never [`Content::Outputs`].
+    pub what: Content,
+}
+
 /// One record of the thruster service.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LinkRecord {
@@ -82,4 +94,11 @@ pub enum LinkRecord {
     Event(Event),
     /// To the `controller` field of `/clock`.
     Clock(ControllerClock),
+    /// To `/autopilot/motion` or `/autopilot/state`.
+    Heard(HeardRecord),
+    /// The autopilot's side begins or ends the recording.
+    Recording {
+        /// Whether it begins.
+        on: bool,
+    },
 }

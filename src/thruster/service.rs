@@ -9,9 +9,11 @@
 mod core;
 mod error;
 mod noise;
+mod trigger;
 
 pub use self::core::{Core, Flow};
 pub use error::{ServiceError, check_set};
+pub use trigger::wait_for_recording;
 
 use error::check;
 use hydroline_core::lock::Lock;
@@ -22,11 +24,11 @@ use super::ports::Roots;
 use super::record::LinkRecord;
 use super::safety::{NeutralReason, State};
 use super::scheduler::LoadAt;
-use super::transport::{OpenError, SerialTransport, Transport};
+use super::transport::{OpenError, SerialTransport, Transport, UdpTransport};
 use hydroline_core::clock::Clock;
 use hydroline_core::heartbeat::Heartbeat;
 use hydroline_core::thread_class::{block_signals, real_time};
-use hydroline_rigs::ThrusterSet;
+use hydroline_rigs::{LinkPort, ThrusterSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
@@ -53,6 +55,14 @@ pub type Opener = Box<dyn FnMut() -> Result<Opened, OpenError> + Send>;
 pub fn serial_opener(set: &ThrusterSet, roots: Roots, clock: Arc<dyn Clock>) -> Opener {
     let (port, baud) = (set.link.port.clone(), set.link.baud);
     Box::new(move || {
+        if let LinkPort::Udp(address) = port {
+            let transport = UdpTransport::open(address, clock.clone())?;
+            return Ok(Opened {
+                name: format!("udp:{address}"),
+                low_latency: None,
+                transport: Box::new(transport),
+            });
+        }
         let path = roots.resolve(&port)?;
         let transport = SerialTransport::open(&path, baud, clock.clone())?;
         Ok(Opened {
@@ -96,6 +106,8 @@ pub struct ServiceStats {
     pub open_attempts: u64,
     /// Times the line was lost.
     pub losses: u64,
+    /// Messages of an autopilot that did not arrive, by its counter.
+    pub missed: u64,
     /// Whether the controller has not confirmed neutral since something was last commanded: its outputs are not known to rest.
     pub neutral_open: bool,
     /// CPU time of the service's thread \[s\].
@@ -129,6 +141,8 @@ pub enum Order {
     Arm,
     /// One set-point.
     SetPoint(SetPoint),
+    /// Words for the pilot, where the link has a way to them.
+    Tell(String),
     /// Run a plan from `start_ns` (CLOCK_MONOTONIC) for `duration_s`.
     Plan {
         /// Start \[ns\].
@@ -328,6 +342,14 @@ impl ThrusterService {
             self.shared.plan(|p| *p = before);
         }
         ordered
+    }
+
+    /// Words for the pilot, where the link has a way to them (STATUSTEXT of MAVLink, 50 characters).
+    ///
+    /// # Errors
+    /// When the service has ended or its queue is full.
+    pub fn tell(&self, words: String) -> Result<(), ServiceError> {
+        self.order(Order::Tell(words))
     }
 
     /// State of the plan last handed to [`Self::run_plan`].

@@ -1,8 +1,10 @@
 //! Bytes in and out, with an honest answer to "when did the last byte leave the host?".
 
 mod serial;
+mod udp;
 
 pub use serial::{OpenError, SerialTransport};
+pub use udp::UdpTransport;
 
 use std::io;
 use std::time::Duration;

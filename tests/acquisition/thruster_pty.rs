@@ -43,6 +43,7 @@ fn set(kind: LinkKind, port: LinkPort) -> ThrusterSet {
             rate_hz: 50.0,
             deadline_s: 1.0,
             timeout_s: 1.0,
+            mavlink: None,
         },
         thrusters: vec![thruster("port", 2), thruster("starboard", 5)],
         neutral_us: 1500.0,

@@ -3,6 +3,8 @@
 use super::until::Proposing;
 use super::*;
 use hydroline_daemon::series::{Action, End, Event, Made, Plans, Rules, Series, Starts};
+use hydroline_rigs::RecordOn;
+use hydroline_thruster::service::wait_for_recording;
 
 /// Session that all runs share.
 pub(super) struct Session<'a> {
@@ -136,6 +138,7 @@ impl<'a> AtTank<'a> {
             let event = match step.action {
                 Action::Settle(pause) => Event::Ready(settle(pause, self.session)?),
                 Action::Return { run } => Event::Ready(self.way_back(run)?),
+                Action::Record { .. } if !awaited(self.session)? => Event::Ready(false),
                 Action::Record { run, offer } => Event::Recorded(self.record(run, offer)?),
                 Action::End(End::Failed(words)) => return Err(CliError::Run(words)),
                 Action::End(End::Done { lossy }) => return Ok(Outcome::of(lossy)),
@@ -241,6 +244,29 @@ impl<'a> AtTank<'a> {
             neutral_open: report.neutral_open(),
         })
     }
+}
+
+/// Waits until the autopilot's side begins a recording, where the rig says so; whether it is to be made.
+fn awaited(session: &Session<'_>) -> Result<bool, CliError> {
+    let set = &session.rig.thrusters;
+    if session.args.no_thrusters
+        || !set.link.follows()
+        || set.link.autopilot().record_on == RecordOn::Start
+    {
+        return Ok(true);
+    }
+    let signals = hydroline_daemon::signals::listen().map_err(CliError::run)?;
+    let keys = Keys::watch(None);
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+    let mut opener = rigging::opener(session.rig, &clock, None)?;
+    errln!(
+        "hydroline: waits for the autopilot's side to begin the recording (thrusters.link.mavlink.record_on); Ctrl-C ends"
+    );
+    let stops = || signals.heard().is_some() || stopped(keys.as_ref()) || session.stopped();
+    let begins = wait_for_recording(set, &mut opener, &stops, &mut |why| {
+        errln!("hydroline: {why}")
+    });
+    Ok(begins && !keys.is_some_and(Keys::finish))
 }
 
 /// Frames without a pose, in words, where they are most.

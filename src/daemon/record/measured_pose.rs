@@ -8,6 +8,9 @@ const MAX_SD_M: f64 = 0.02;
 /// The same of an angle \[rad\]: 2 deg.
 const MAX_SD_RAD: f64 = 0.035;
 
+/// Age up to which a pose is one of now \[ns\].
+const FRESH_NS: u64 = 2_000_000_000;
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeasuredPose {
     /// When its frame was received, CLOCK_MONOTONIC \[ns\].
@@ -23,6 +26,11 @@ impl MeasuredPose {
             fit.measured[i].then(|| (values[i], fit.covariance[(i, i)].sqrt()))
         });
         Self { received_ns, eta }
+    }
+
+    /// Whether it shows where the vehicle is now.
+    pub fn is_fresh(&self, now_ns: u64) -> bool {
+        now_ns.saturating_sub(self.received_ns) < FRESH_NS && self.is_placed()
     }
 
     /// The value of one degree of freedom when it is known well enough to judge by.

@@ -66,6 +66,7 @@ pub(super) fn supervise(
         began_ns: None,
         spaced: false,
         paged: false,
+        pilot: super::pilot::Pilot::default(),
     };
     runtime.block_on(supervisor.run(status))
 }
@@ -92,6 +93,8 @@ struct Supervisor<'a> {
     spaced: bool,
     /// STOP was pressed on the live page.
     paged: bool,
+    /// Words for the autopilot's pilot.
+    pilot: super::pilot::Pilot,
 }
 
 impl Supervisor<'_> {
@@ -102,6 +105,7 @@ impl Supervisor<'_> {
             tokio::select! {
                 _ = second.tick() => {
                     self.log_clocks();
+                    self.tell_pilot();
                     self.feed_watchdog();
                 }
                 _ = tick.tick() => {
@@ -129,6 +133,34 @@ impl Supervisor<'_> {
                     status.put(now);
                 }
             }
+        }
+    }
+
+    /// The pilot at the ground station hears how the recording goes.
+    fn tell_pilot(&mut self) {
+        let Some(service) = self
+            .service
+            .filter(|_| self.job.rig.thrusters.link.follows())
+        else {
+            return;
+        };
+        let progress = self.shared.progress(|p| *p);
+        let now_ns = self.shared.clock.monotonic_ns();
+        let seen = *self.shared.pose.held();
+        let news = super::pilot::News {
+            now_ns,
+            frames: progress.counts.received,
+            lost: progress.counts.lost.total() + self.shared.recorder.counts().frames_dropped,
+            in_sight: self
+                .shared
+                .map
+                .as_ref()
+                .map(|_| seen.is_some_and(|p| p.is_fresh(now_ns))),
+        };
+        if let Some(words) = self.pilot.words(&news)
+            && let Err(error) = service.tell(words)
+        {
+            tracing::debug!("no words for the pilot: {error}");
         }
     }
 

@@ -7,7 +7,7 @@ use hydroline_sim::{Allocation, ThrustError};
 
 use hydroline_core::run::{Channel, Command, Joined, Run, Sample, StillNoise, instrument_sd};
 
-use super::NOISE_KEY;
+use super::{NOISE_KEY, autopilot};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
 use hydroline_log::{LogError, LogReader, Record};
 
@@ -65,15 +65,18 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         |s| s.to_string_lossy().into_owned(),
     );
     let (mut commands, mut motion, mut frames) = (Vec::new(), Vec::new(), 0);
+    let mut beside = Vec::new();
     let mut reader = LogReader::open(path)?;
     for message in reader.by_ref() {
         match message?.record {
             Record::Command(command) => commands.push(command),
             Record::Motion(sample) => motion.push(sample),
+            Record::AutopilotMotion(sample) => beside.push(sample),
             Record::Frame(_) => frames += 1,
             _ => {}
         }
     }
+    autopilot::beside(&mut motion, beside);
     if motion.is_empty() {
         return Err(LoadError::NoMotion {
             log: path.display().to_string(),

@@ -363,3 +363,47 @@ pub struct PlaneCalibration {
     #[prost(string, repeated, tag = "43")]
     pub missing: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
 }
+/// What an autopilot says of itself beside its motion; absent = its message does not carry it.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct AutopilotState {
+    /// by the autopilot's clock where its message is stamped, else when it came in
+    #[prost(message, optional, tag = "1")]
+    pub timestamp: ::core::option::Option<::prost_types::Timestamp>,
+    /// MAVLink message it comes from: "HEARTBEAT", "SYS_STATUS", "ESC_STATUS", ...
+    #[prost(string, tag = "2")]
+    pub message: ::prost::alloc::string::String,
+    /// autopilot's clock since its start; 0 = the message has no stamp
+    #[prost(uint64, tag = "3")]
+    pub autopilot_time_us: u64,
+    #[prost(bool, optional, tag = "4")]
+    pub armed: ::core::option::Option<bool>,
+    /// custom_mode as the autopilot numbers it
+    #[prost(uint32, optional, tag = "5")]
+    pub mode: ::core::option::Option<u32>,
+    #[prost(double, optional, tag = "6")]
+    pub battery_v: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "7")]
+    pub battery_a: ::core::option::Option<f64>,
+    /// index of the first ESC below, from 0
+    #[prost(uint32, tag = "8")]
+    pub esc_first: u32,
+    #[prost(double, repeated, tag = "9")]
+    pub esc_rpm: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "10")]
+    pub esc_v: ::prost::alloc::vec::Vec<f64>,
+    #[prost(double, repeated, tag = "11")]
+    pub esc_a: ::prost::alloc::vec::Vec<f64>,
+    /// Place and velocity by the autopilot's own filter, north east down from its origin: another frame than the tank's.
+    #[prost(double, optional, tag = "12")]
+    pub north_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "13")]
+    pub east_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "14")]
+    pub down_m: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "15")]
+    pub north_mps: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "16")]
+    pub east_mps: ::core::option::Option<f64>,
+    #[prost(double, optional, tag = "17")]
+    pub down_mps: ::core::option::Option<f64>,
+}

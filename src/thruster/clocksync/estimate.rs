@@ -37,6 +37,13 @@ impl Estimate {
         self.controller_us + self.since_epoch_us(host_ns) * (1.0 + self.drift_ppm * 1e-6)
     }
 
+    /// Host time \[ns\] at a reading of the controller's clock (unwrapped, \[us\]).
+    pub fn host_at_ns(&self, controller_us: f64) -> u64 {
+        let since_us = (controller_us - self.controller_us) / (1.0 + self.drift_ppm * 1e-6);
+        self.host_epoch_ns
+            .saturating_add_signed((since_us * 1e3).round() as i64)
+    }
+
     /// Standard deviation of either conversion at a host time \[us\]; grows away from the epoch with the drift's.
     pub fn sd_at_us(&self, host_ns: u64) -> f64 {
         let t = self.since_epoch_us(host_ns) * 1e-6;

@@ -98,7 +98,7 @@ pub(super) fn new(config: &ControllerConfig) -> Box<dyn Device> {
             parser: CommandParser::default(),
             errors: 0,
         }),
-        LinkKind::Stamped => Box::new(Stamped {
+        LinkKind::Stamped | LinkKind::Mavlink => Box::new(Stamped {
             deframer: Deframer::default(),
             boot_id: config.boot_id,
             errors: 0,

@@ -152,7 +152,7 @@ impl Drop for PtyController {
     }
 }
 
-fn open_pty() -> io::Result<(File, OwnedFd, PathBuf)> {
+pub(crate) fn open_pty() -> io::Result<(File, OwnedFd, PathBuf)> {
     let (mut master, mut slave) = (-1, -1);
     // SAFETY: openpty fills two descriptors; name, termios and size may be null.
     let done = unsafe {

@@ -76,6 +76,7 @@ fn the_watchdog_acts_on_time_although_nobody_looked() {
     for kind in [LinkKind::Maestro, LinkKind::Stamped] {
         let mut c = SimController::new(config(kind, 115_200));
         let request = match kind {
+            LinkKind::Mavlink => unreachable!("an autopilot has a simulation of its own"),
             LinkKind::Stamped => set_pulses(1, 6400),
             LinkKind::Maestro => crate::maestro::set_target(3, 6400).unwrap().to_vec(),
         };

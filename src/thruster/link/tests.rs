@@ -28,6 +28,7 @@ fn set(kind: LinkKind) -> ThrusterSet {
             rate_hz: 50.0,
             deadline_s: 0.02,
             timeout_s: 0.2,
+            mavlink: None,
         },
         thrusters: vec![thruster("port", 0), thruster("starboard", 3)],
         neutral_us: 1500.0,
@@ -118,6 +119,7 @@ fn pulses_take_effect_when_the_last_byte_has_arrived() {
         let last = events.iter().map(|e| e.host_monotonic_ns).max().unwrap();
         // The Maestro obeys each Set Target as it comes, before the Get Positions behind it.
         let behind_ns = match kind {
+            LinkKind::Mavlink => unreachable!("an autopilot has a simulation of its own"),
             LinkKind::Stamped => 0,
             LinkKind::Maestro => 4 * 10_000_000_000 / 115_200,
         };

@@ -1,6 +1,7 @@
 //! The service's loop, one step at a time, on injected clock, line and sink.
 
 mod away;
+mod following;
 mod listening;
 mod obeying;
 mod sending;
@@ -224,6 +225,18 @@ impl Core {
             self.farewell_ns = Some(self.now() + FAREWELL_NS);
         }
         while let Ok(order) = self.inbox.try_recv() {
+            if let Order::Tell(words) = &order {
+                if let Some(link) = self.link.as_mut() {
+                    link.tell(words);
+                }
+                continue;
+            }
+            if self.config.set.link.follows() {
+                if matches!(order, Order::Plan { .. }) {
+                    self.refuse_to_drive();
+                }
+                continue;
+            }
             if self.farewell_ns.is_some() {
                 if matches!(order, Order::Plan { .. }) {
                     self.set_plan(PlanState::Refused("the thruster service is ending".into()));
@@ -247,6 +260,7 @@ impl Core {
                     self.safety.arm();
                 }
                 Order::SetPoint(set_point) => self.set_point(set_point),
+                Order::Tell(_) => {}
                 Order::Plan {
                     start_ns,
                     duration_s,

@@ -46,6 +46,7 @@ fn set(kind: LinkKind) -> ThrusterSet {
             rate_hz: 50.0,
             deadline_s: 0.03,
             timeout_s: 0.3,
+            mavlink: None,
         },
         thrusters: vec![thruster("port", 0), thruster("starboard", 3)],
         neutral_us: 1500.0,

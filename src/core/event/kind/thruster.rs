@@ -57,6 +57,12 @@ kinds! {
         "for_s" ["s"] "for how long it has done so",
         "allowed_s" ["s"] "`thrusters.link.timeout_s`",
     };
+    AUTOPILOT_MISSED "autopilot.missed" [Warning]
+        "Messages of the autopilot did not arrive, by its counter; at most once a second." {
+        "messages" [""] "messages missed since the start",
+    };
+    AUTOPILOT_RECORDING "autopilot.recording" [Info]
+        "The autopilot's side began or ended the recording: arming, a MAVLink command or a mission item." {};
     THRUSTER_CLOCK_RATE "thruster.clock_rate" [Warning]
         "The controller's clock runs at another rate than any sound one: its pulses are off by as much. Said once after each of its starts." {
         "drift_ppm" ["ppm"] "rate against this computer's clock, positive = fast",

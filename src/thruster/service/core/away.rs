@@ -23,6 +23,7 @@ pub(super) fn watchdog_words(link: &Link) -> String {
         LinkKind::Maestro => "the Maestro goes to neutral only if its serial timeout is set; \
             see thruster.maestro_timeout at the start"
             .into(),
+        LinkKind::Mavlink => "the autopilot drives on by itself".into(),
     }
 }
 
@@ -110,10 +111,14 @@ impl Core {
             }
         } else if let Some(lost_ns) = self.lost_ns.take() {
             let away_s = self.now().saturating_sub(lost_ns) as f64 * 1e-9;
+            let first = match self.config.set.link.follows() {
+                true => "",
+                false => "; neutral first",
+            };
             self.event(
                 Severity::Info,
                 &kind::SERIAL_BACK,
-                format!("{how} after {away_s:.3} s; neutral first"),
+                format!("{how} after {away_s:.3} s{first}"),
                 &[("away_s", away_s)],
             );
         }
@@ -170,10 +175,14 @@ impl Core {
                 self.abort_plan(NeutralReason::Lost);
             }
             let alone = watchdog_words(&self.config.set.link);
+            let first = match self.config.set.link.follows() {
+                true => "",
+                false => "; we send neutral first when it is back",
+            };
             self.event(
                 Severity::Error,
                 &kind::SERIAL_LOST,
-                format!("link to the thruster controller lost: {why}; {alone}; we send neutral first when it is back"),
+                format!("link to the thruster controller lost: {why}; {alone}{first}"),
                 &[],
             );
             if matches!(was, State::Armed | State::Running) {

@@ -108,6 +108,9 @@ impl Core {
             self.back("the controller answers again");
         }
         match event {
+            LinkEvent::Heard(heard) => self.follow(heard),
+            LinkEvent::Missed { messages } => self.missed_messages(messages),
+            LinkEvent::Recording { on } => (self.sink)(LinkRecord::Recording { on }),
             LinkEvent::Echo(echo) => self.echo(echo),
             LinkEvent::Alive => {}
             LinkEvent::Clock(estimate) => {

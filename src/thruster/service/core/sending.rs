@@ -184,6 +184,9 @@ impl Core {
     }
 
     pub(super) fn send_neutral(&mut self, reason: NeutralReason) {
+        if self.config.set.link.follows() {
+            return;
+        }
         let set = &self.config.set;
         let pulses_us = vec![set.neutral_us; set.thrusters.len()];
         let thrust_n: Vec<f64> = set
@@ -208,6 +211,10 @@ impl Core {
     pub(super) fn go_neutral(&mut self, reason: NeutralReason, why: &str) {
         self.abort_plan(reason);
         self.feed_until_ns = None;
+        if self.config.set.link.follows() {
+            // The autopilot's thrusters are not ours to stop.
+            return;
+        }
         let was = self.safety.state();
         let (_, changed) = self.safety.neutral(reason, self.now());
         // First the bytes, then the words.
