@@ -15,11 +15,8 @@ pub mod limits;
 pub mod mailbox;
 mod manager;
 mod measured_pose;
-<<<<<<< HEAD
-mod pose_commands;
-=======
 mod pilot;
->>>>>>> e70
+mod pose_commands;
 mod progress;
 mod publisher;
 mod session;
