@@ -184,6 +184,14 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
     if !args.no_thrusters {
         check_set(&rig.thrusters)?;
     }
+    let drives = !args.no_thrusters && !rig.thrusters.link.follows();
+    if !args.no_thrusters && !drives && (plan.is_some() || args.next || args.until_decided) {
+        return Err(CliError::Config(
+            "thrusters.link.kind = \"mavlink\": the autopilot drives, and hydroline sends it no command: no plan can run; \
+             fly the manoeuvre by the autopilot and leave --plan, --next and --until-decided out"
+                .to_owned(),
+        ));
+    }
     inputs::warn_of_flush(&rig);
     args.live.check()?;
     let calibrate = args.making.setup(&rig, &conditions)?;
@@ -273,7 +281,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
         calibrate,
         out: calibration_out,
     };
-    let shown = args.live.start(!args.no_thrusters)?;
+    let shown = args.live.start(drives)?;
     // The last thing before the runs: what fails above has begun no plan.
     let withheld = match &plan {
         Some(plan) => plan_once::PlanOnce::of_service().begin(&plan.name)?,

@@ -97,6 +97,9 @@ struct Supervisor<'a> {
     pilot: super::pilot::Pilot,
 }
 
+/// Answer to a stop where an autopilot drives.
+const AUTOPILOT_DRIVES: &str = "the autopilot drives, and hydroline sends it no command: stop the vehicle at its ground station; recording goes on, q ends it";
+
 impl Supervisor<'_> {
     async fn run(&mut self, status: &Mailbox<Status>) -> Result<StopReason, RecordError> {
         let mut tick = tokio::time::interval(TICK);
@@ -224,6 +227,9 @@ impl Supervisor<'_> {
 
     /// The time is over: well, unless the plan did not come to its end.
     fn finished(&self) -> StopReason {
+        if (self.paged || self.spaced) && self.job.rig.thrusters.link.follows() {
+            return StopReason::Finished;
+        }
         if self.paged {
             return StopReason::Asked("STOP on the live page (thrusters to neutral)");
         }
@@ -262,7 +268,9 @@ impl Supervisor<'_> {
         }
         if keys.space() {
             self.spaced = true;
-            let words = if self.began_ns.is_some() {
+            let words = if self.job.rig.thrusters.link.follows() {
+                AUTOPILOT_DRIVES
+            } else if self.began_ns.is_some() {
                 "Space: thrusters to neutral, the plan is over; recording goes on, q ends it"
             } else {
                 "Space before the start: no plan starts any more; recording goes on, q ends it"
@@ -283,7 +291,11 @@ impl Supervisor<'_> {
         if pressed && !self.paged {
             self.paged = true;
             self.spaced = true;
-            let words = "STOP on the live page: thrusters to neutral, no plan runs any more; recording goes on, q ends it";
+            let words = if self.job.rig.thrusters.link.follows() {
+                AUTOPILOT_DRIVES
+            } else {
+                "STOP on the live page: thrusters to neutral, no plan runs any more; recording goes on, q ends it"
+            };
             self.shared
                 .say(Severity::Warning, &kind::THRUSTER_NEUTRAL, words);
         }
