@@ -77,8 +77,6 @@ pub struct Normal {
     pub gradient: DVector<f64>,
     /// Half energy and half log variance: minus the log likelihood, without the constant.
     pub cost: f64,
-    /// Sum of squares of the whitened residuals.
-    pub energy: f64,
     /// Samples that count.
     pub used: usize,
 }
@@ -383,7 +381,7 @@ impl Problem {
     }
 
     /// The same under any filters.
-    pub fn normal_with(
+    pub(super) fn normal_with(
         &self,
         all: &[Simulated],
         dof: usize,
@@ -394,7 +392,6 @@ impl Problem {
             information: DMatrix::zeros(size, size),
             gradient: DVector::zeros(size),
             cost: 0.0,
-            energy: 0.0,
             used: 0,
         };
         let measured = self.measured(dof);
@@ -408,7 +405,6 @@ impl Problem {
             };
             let right = DVector::from_vec(flat(&residual));
             made.cost += 0.5 * (right.norm_squared() + filter.ln_variance);
-            made.energy += right.norm_squared();
             made.used += filter.used;
             let (mut places, mut data) = (Vec::new(), Vec::new());
             for (i, column) in &sim.columns {
@@ -439,13 +435,13 @@ impl Problem {
     ///
     /// `values` = channels per run and sample, rotated as measured ones are.
     pub fn cost_of(&self, values: &[Vec<PerChannel<f64>>]) -> f64 {
-        let prior = &self.body.prior;
+        let median = self.body.prior.misfit_over_tolerance;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
             let each = parallel::map_slice(&cells, |&cell| {
                 let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
                 let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
-                ln_prior(cell, prior) - cost
+                ln_prior(cell, median) - cost
             });
             -ln_sum(&each)
         };

@@ -16,7 +16,7 @@ pub enum FreeError {
     )]
     TooFewBoards { found: usize, needed: usize },
     #[error(
-        "all {boards} boards are parallel to within {angle_deg:.0}°: focal length and distance cannot be told apart; tilt the board by 20 to 40° to all four sides, or give --intrinsics"
+        "all {boards} boards are parallel to within {angle_deg:.0}°: focal length and distance cannot be separated; tilt the board by 20 to 40° to all four sides, or give --intrinsics"
     )]
     Parallel { boards: usize, angle_deg: f64 },
     #[error(
@@ -54,7 +54,7 @@ pub enum FreeError {
 #[allow(missing_docs)] // Each message names its fields.
 pub enum LeftOut {
     #[error(
-        "it does not fit: its nodes are off by {rms_px:.2} px, those of the others by {usual_px:.2}; was the board moved, bent, or is it another one?"
+        "it does not fit: its nodes are off by {rms_px:.2} px, those of the others by {usual_px:.2}; was the board moved, curved, or is it another one?"
     )]
     Misfit { rms_px: f64, usual_px: f64 },
     #[error(

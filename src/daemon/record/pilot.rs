@@ -1,4 +1,4 @@
-//! The autopilot's side of a recording: what it says into the log, what its pilot is told, when it ends.
+//! The autopilot's side of a recording: what it says into the log, what its pilot hears, when it ends.
 
 use super::Shared;
 use hydroline_core::event::{Severity, kind};
@@ -148,7 +148,7 @@ mod tests {
             pilot.words(&news(1, 0, false)).as_deref(),
             Some("recording")
         );
-        let told: Vec<(u64, String)> = (2..40)
+        let heard: Vec<(u64, String)> = (2..40)
             .filter_map(|s| Some((s, pilot.words(&news(s, u64::from(s >= 6), s >= 4))?)))
             .collect();
         let words = [
@@ -156,9 +156,9 @@ mod tests {
             (6, "recording, 25 fps, 1 lost; target in sight"),
             (36, "recording, 25 fps, 1 lost; target in sight"),
         ];
-        assert_eq!(told, words.map(|(s, words)| (s, words.to_owned())));
+        assert_eq!(heard, words.map(|(s, words)| (s, words.to_owned())));
         assert!(
-            told.iter().all(|(_, words)| words.len() <= 50),
+            heard.iter().all(|(_, words)| words.len() <= 50),
             "STATUSTEXT"
         );
     }

@@ -254,7 +254,7 @@ fn arming_a_command_or_a_mission_item_begins_and_ends_a_recording() {
 }
 
 #[test]
-fn the_pilot_is_told() {
+fn the_pilot_hears_of_the_recording() {
     let mut line = Line::new(AutopilotConfig::default(), Mavlink::default());
     line.run(2 * S);
     line.follower
