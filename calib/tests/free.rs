@@ -235,3 +235,17 @@ fn air_to_water() {
     );
     assert!(inside * 10 >= total * 9);
 }
+
+/// Images of a dry session as files, for `hydroline calibrate --free` itself: tests/free.
+#[test]
+#[ignore = "writes files: FREE_OUT=DIR, by tests/free"]
+fn images_for_the_command() {
+    let folder = std::path::PathBuf::from(std::env::var_os("FREE_OUT").unwrap());
+    let session = Session::random(1, 15, false);
+    let [w, h] = session.camera.size;
+    for k in 0..session.poses.len() {
+        let mut file = format!("P5\n{w} {h}\n255\n").into_bytes();
+        file.extend(session.image(k));
+        std::fs::write(folder.join(format!("{k:02}.pgm")), file).unwrap();
+    }
+}
