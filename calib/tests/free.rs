@@ -248,4 +248,10 @@ fn images_for_the_command() {
         file.extend(session.image(k));
         std::fs::write(folder.join(format!("{k:02}.pgm")), file).unwrap();
     }
+    let board = &session.board;
+    let toml = format!(
+        "name = \"hand\"\npattern = \"chessboard\"\ncolumns = {}\nrows = {}\npitch_m = {}\nmargin_m = {}\nthickness_m = {}\n",
+        board.columns, board.rows, board.pitch_m, board.margin_m, board.thickness_m
+    );
+    std::fs::write(folder.with_file_name("board.toml"), toml).unwrap();
 }
