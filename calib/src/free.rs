@@ -24,7 +24,7 @@ mod start;
 mod tests;
 
 pub use bundle::Pose;
-pub use checks::{Doubt, FreeError, LeftOut};
+pub use checks::{FreeError, LeftOut, Reservation};
 pub use fit::{Fitted, Held, ViewReport, calibrate};
 pub use map::SheetMap;
 

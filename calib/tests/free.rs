@@ -114,7 +114,7 @@ fn report(seed: u64, boards: usize, wet: bool) -> Option<(f64, f64, f64)> {
             for v in fitted.views.iter().filter(|v| v.left_out.is_some()) {
                 println!("   {} left out: {}", v.name, v.left_out.as_ref().unwrap());
             }
-            for d in &fitted.doubts {
+            for d in &fitted.reservations {
                 println!("   {d}");
             }
             if let Some(h) = fitted.held {

@@ -68,7 +68,7 @@ pub enum LeftOut {
 /// What does not stop a calibration, and must be known.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Each message names its fields.
-pub enum Doubt {
+pub enum Reservation {
     #[error(
         "the scale is that of the board: a pitch of {:.3} mm was entered, and no image can show a wrong one; measure over ten squares with a rule, or measure a known object (--check-object)",
         1e3 * pitch_m
@@ -95,11 +95,11 @@ pub enum Doubt {
 
 /// Smaller angles between boards say nothing about the focal length \[rad\].
 const PARALLEL_RAD: f64 = 0.12;
-/// A change of the focal length below this share does no harm that a port or a bent board would not do.
+/// A change of the focal length below this share does no harm that a port or a curved board would not do.
 const ZOOM_SHARE: f64 = 0.004;
 /// Of so many standard deviations; the break's place is sought, so that chance has as many tries as there are images.
 const ZOOM_SDS: f64 = 6.0;
-/// A shear below this is within what a bent board does \[px\].
+/// A shear below this is within what a curved board does \[px\].
 const SHEAR_PX: f64 = 0.5;
 /// And of so many standard deviations, and times what the others show.
 const SHEAR_SDS: f64 = 6.0;

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 use super::adjust::{self, Free, Solved};
 use super::bundle::{SHARED, State, ViewTerms};
 use super::camera::{CAMERA, FOCAL, Lens};
-use super::checks::{self, Doubt, FreeError, LeftOut};
+use super::checks::{self, FreeError, LeftOut, Reservation};
 use super::map::SheetMap;
 use super::sheet::{CONE, LaserSurface};
 use super::{FreeOptions, Seen, residuals, start};
@@ -64,7 +64,7 @@ pub struct Fitted {
     /// Boards that were predicted.
     pub held: Option<Held>,
     /// What must be known.
-    pub doubts: Vec<Doubt>,
+    pub reservations: Vec<Reservation>,
 }
 
 /// Views that are in use, with their state.
@@ -94,8 +94,8 @@ pub fn calibrate(seen: &[Seen], options: &FreeOptions) -> Result<Fitted, FreeErr
     let mut reasons: Vec<Option<LeftOut>> = vec![None; seen.len()];
     let mut work = begin(seen, options, &mut reasons)?;
     let camera = cameras(&mut work, options, &mut reasons)?;
-    let mut doubts = Vec::new();
-    let sheet = sheets(&mut work, options, &mut doubts)?;
+    let mut reservations = Vec::new();
+    let sheet = sheets(&mut work, options, &mut reservations)?;
     work.state = State {
         sheet: Some(sheet),
         ..camera
@@ -105,8 +105,8 @@ pub fn calibrate(seen: &[Seen], options: &FreeOptions) -> Result<Fitted, FreeErr
     let no_camera = |source| FreeError::NoCamera { source };
     let full = adjust::fullest(&options.camera, true);
     let solved = adjust::settle(&work.state, &mut work.terms, &prior, full).map_err(no_camera)?;
-    let solved =
-        line_misfits(&mut work, solved, options, &mut doubts, &prior, full).map_err(no_camera)?;
+    let solved = line_misfits(&mut work, solved, options, &mut reservations, &prior, full)
+        .map_err(no_camera)?;
     let noise_scale = rescale(&mut work, &solved);
     let models = models(&work, &solved.state, options, &prior);
     let (state, covariance, likeliest, free) =
@@ -119,7 +119,7 @@ pub fn calibrate(seen: &[Seen], options: &FreeOptions) -> Result<Fitted, FreeErr
         (state, covariance, free),
         noise_scale,
         reasons,
-        doubts,
+        reservations,
         &prior,
     )
 }
@@ -173,7 +173,7 @@ fn cameras(
     if !options.camera.imported {
         checks::parallel(&work.state)?;
     }
-    // Perspective and k₁ first: from far away a free lens bends to what is no lens.
+    // Perspective and k₁ first: from far away a free lens turns to what is no lens.
     let simple = adjust::lens_models(&options.camera, false)[0];
     let first = adjust::settle(&work.state, &mut work.terms, &prior, simple);
     if let Ok(solved) = &first {
@@ -245,7 +245,7 @@ const ACROSS_SHARE: f64 = 0.02;
 fn sheets(
     work: &mut Work<'_>,
     options: &FreeOptions,
-    doubts: &mut Vec<Doubt>,
+    reservations: &mut Vec<Reservation>,
 ) -> Result<LaserSurface, FreeError> {
     let points = start::line_points(&work.state, &work.views);
     let with_line = points.iter().filter(|p| p.len() >= 4).count();
@@ -288,7 +288,7 @@ fn sheets(
     if high - low < ACROSS_SHARE * far_m && turn < 0.2 {
         return Err(one(high - low));
     }
-    drop_lines(work, &sheet, doubts);
+    drop_lines(work, &sheet, reservations);
     let left = work.terms.iter().filter(|v| v.line.len() >= 4).count();
     if left < options.fewest_lines {
         return Err(few(left));
@@ -298,11 +298,15 @@ fn sheets(
 
 /// A line further off than so many times what lines are off is another line.
 const LINE_TIMES: f64 = 6.0;
-/// Less than this is no other line: a bent board does it \[px\].
+/// Less than this is no other line: a curved board does it \[px\].
 const LINE_PX: f64 = 1.0;
 
 /// Leaves out lines that are off the sheet as a whole.
-fn drop_lines(work: &mut Work<'_>, sheet: &LaserSurface, doubts: &mut Vec<Doubt>) -> bool {
+fn drop_lines(
+    work: &mut Work<'_>,
+    sheet: &LaserSurface,
+    reservations: &mut Vec<Reservation>,
+) -> bool {
     let state = State {
         sheet: Some(*sheet),
         ..work.state.clone()
@@ -319,7 +323,7 @@ fn drop_lines(work: &mut Work<'_>, sheet: &LaserSurface, doubts: &mut Vec<Doubt>
     for (k, off_px) in off.into_iter().enumerate() {
         if off_px > LINE_PX && off_px > LINE_TIMES * usual {
             work.terms[k].line.clear();
-            doubts.push(Doubt::LineOff {
+            reservations.push(Reservation::LineOff {
                 name: work.views[k].name.clone(),
                 off_px,
             });
@@ -334,7 +338,7 @@ fn line_misfits(
     work: &mut Work<'_>,
     solved: Solved,
     options: &FreeOptions,
-    doubts: &mut Vec<Doubt>,
+    reservations: &mut Vec<Reservation>,
     prior: &[Known; SHARED],
     full: Free,
 ) -> Result<Solved, LmError> {
@@ -343,7 +347,7 @@ fn line_misfits(
         work.state = solved.state.clone();
         let Some(sheet) = work.state.sheet else { break };
         let lines = work.terms.iter().filter(|v| !v.line.is_empty()).count();
-        if lines <= options.fewest_lines || !drop_lines(work, &sheet, doubts) {
+        if lines <= options.fewest_lines || !drop_lines(work, &sheet, reservations) {
             break;
         }
         solved = adjust::settle(&work.state, &mut work.terms, prior, full)?;
@@ -379,7 +383,7 @@ fn rescale(work: &mut Work<'_>, full: &Solved) -> [f64; 2] {
     let node_scale = (nodes / count.max(1.0) * residuals::alike(&runs))
         .sqrt()
         .max(1.0);
-    // A board that bends, or an edge that fools the line, shifts all of a board's line: its mean and its slope scatter
+    // A board that is curved, or an edge that fools the line, shifts all of a board's line: its mean and its slope scatter
     // by more than the pieces do.
     let (mut pieces, mut n, mut boards, mut groups) = (0.0, -5.0, 0.0, -3.0);
     for (view, (_, line)) in work.terms.iter().zip(&sizes) {
@@ -462,7 +466,7 @@ fn finish(
     (state, covariance, free): (State, DMatrix<f64>, Free),
     noise_scale: [f64; 2],
     reasons: Vec<Option<LeftOut>>,
-    mut doubts: Vec<Doubt>,
+    mut reservations: Vec<Reservation>,
     prior: &[Known; SHARED],
 ) -> Result<Fitted, FreeError> {
     let sheet = state.sheet.ok_or(FreeError::NoCamera {
@@ -510,7 +514,7 @@ fn finish(
     let focal_sd = covariance[(FOCAL, FOCAL)].sqrt() / state.lens.numbers[FOCAL];
     let angle_deg = checks::widest_angle_rad(&work.state).to_degrees();
     if focal_sd > 0.01 {
-        doubts.push(Doubt::FewTilts {
+        reservations.push(Reservation::FewTilts {
             angle_deg,
             focal_sd,
         });
@@ -522,7 +526,7 @@ fn finish(
         })
         .collect();
     if !sheared.is_empty() {
-        doubts.push(Doubt::RollingShutter {
+        reservations.push(Reservation::RollingShutter {
             sheared: sheared.len(),
             boards: seen.len(),
             shear_px: sheared.iter().copied().fold(0.0, f64::max),
@@ -541,7 +545,7 @@ fn finish(
         noise_scale,
         terms: TERMS.iter().filter(|t| free[t.0]).map(|t| t.1).collect(),
         held: held(work, options, prior, free),
-        doubts,
+        reservations,
     })
 }
 

@@ -199,10 +199,10 @@ fn a_sheared_board_and_a_line_of_another_sheet_are_left_out() {
         fitted.views[5].rms_px
     );
     let off = fitted
-        .doubts
+        .reservations
         .iter()
-        .any(|d| matches!(d, Doubt::LineOff { name, .. } if name == "image 8"));
-    assert!(off, "{:?}", fitted.doubts);
+        .any(|d| matches!(d, Reservation::LineOff { name, .. } if name == "image 8"));
+    assert!(off, "{:?}", fitted.reservations);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use hydroline_calib::calibration::{Calibration, MapParameters};
 use hydroline_calib::detect::{Grey, detect_in_hand, find_line};
 use hydroline_calib::free::camera::{MEDIUM, PORT, Plate};
 use hydroline_calib::free::intrinsics::Intrinsics;
-use hydroline_calib::free::{self, CameraPrior, Doubt, Fitted, FreeOptions, Seen, SheetMap};
+use hydroline_calib::free::{self, CameraPrior, Fitted, FreeOptions, Reservation, Seen, SheetMap};
 use hydroline_calib::map::refractive::Known;
 use hydroline_calib::{ImageSize, Medium};
 use hydroline_core::clock::{Clock, SystemClock};
@@ -353,9 +353,9 @@ fn say(boards: &Boards, fitted: &Fitted, setup: &Setup, worst_m: f64) {
         1e3 * worst_m,
         1e3 * setup.tolerance_m()
     );
-    for doubt in &fitted.doubts {
-        outln!("note: {doubt}");
+    for reservation in &fitted.reservations {
+        outln!("note: {reservation}");
     }
     let pitch_m = setup.board.pitch_m;
-    outln!("note: {}", Doubt::Scale { pitch_m });
+    outln!("note: {}", Reservation::Scale { pitch_m });
 }
