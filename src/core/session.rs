@@ -3,6 +3,7 @@
 use crate::water::refractive_index;
 use hydroline_calib::Medium;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Laser wavelength for the refractive index \[nm\]: the green line lasers of the field.
 const WAVELENGTH_NM: f64 = 532.0;
@@ -18,6 +19,10 @@ pub struct Conditions {
     pub salinity_gpkg: Option<f64>,
     /// Extra ballast on the vehicle \[kg\].
     pub ballast_kg: Option<f64>,
+    /// Who records.
+    pub operator: Option<String>,
+    /// Whatever else is to be noted, by key.
+    pub set: BTreeMap<String, String>,
     /// Air, fresh or salt water; `None` = as temperature, salinity and rig say.
     pub medium: Option<Medium>,
 }
