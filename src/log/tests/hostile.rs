@@ -144,7 +144,7 @@ fn a_file_at_its_largest_goes_on_in_the_next_part() {
     let opener = move |part: u32| -> std::io::Result<(Box<dyn LogOutput>, PathBuf)> {
         let path = folder.join(format!("{part}.mcap"));
         let file = FileOutput::create(&path, false)?;
-        let most_bytes = 300_000;
+        let most_bytes = 400_000;
         Ok((Box::new(Small { file, most_bytes }), path))
     };
     let settings = WriteSettings::offline(Some(PixelFormat::Grey));
