@@ -126,7 +126,7 @@ fn dark() -> Vec<Frame> {
         meta: grey_frame(k, 1, 1).meta,
         ..first.clone()
     };
-    (0..32).map(frame).collect()
+    (0..40).map(frame).collect()
 }
 
 /// Whether the log of these frames is one that the ratio alone would refuse.
