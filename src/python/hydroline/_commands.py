@@ -276,6 +276,8 @@ def calibrate(
     *,
     out: PathLike,
     board: Optional[str] = None,
+    free: bool = False,
+    intrinsics: Optional[PathLike] = None,
     method: str = "homography",
     rig: Optional[RigLike] = None,
     medium: Optional[str] = None,
@@ -300,13 +302,16 @@ def calibrate(
     inputs: Logs (.mcap), images (PNG of 8 or 16 bits, JPEG) of the board, or folders of them
     out: Calibration to write
     board: Board file or built-in name; default: the rig's [board]
+    free: Boards held in the hand, the line across them: fits camera, port and laser sheet together
+    intrinsics: For --free: camera that OpenCV or ROS (YAML), Kalibr or MATLAB (JSON) calibrated in air; taken as
+        good to 0.3 %
     method: Map to fit
     rig: Rig file or built-in name: where the camera stands, thickness of the sheet, tolerance; default: the log's
     medium: Medium that the light went through: air, fresh or salt; default: what log or rig say
     at: Where the board's middle stood in the sheet [m], turned by [deg]; default: from the rig's mounts
-    port_distance_m: For refractive: entrance pupil to the port's inner face [m]; default: the rig's [port], else
-        0.03
-    port_glass_m: For refractive: thickness of the port [m]; default: the rig's [port], else 0.01
+    port_distance_m: For refractive and --free: entrance pupil to the port's inner face [m]; default: the rig's
+        [port], else 0.03
+    port_glass_m: For refractive and --free: thickness of the port [m]; default: the rig's [port], else 0.01
     accept_unknown_gap: Counts a board without gauge blocks as accepted; the claim stays withdrawn
     image_topic: Topic of the logs' images; default: /camera/image, else the only one with images (of ROS 2 or
         Foxglove)
@@ -321,4 +326,4 @@ def calibrate(
 
     Raises ArgumentError, InputError (what was given) or RunError (the work).
     """
-    return BoardCalibration(call("calibrate", "calibrate", {"inputs": inputs, "out": out, "board": board, "method": method, "rig": rig, "medium": medium, "at": at, "port_distance_m": port_distance_m, "port_glass_m": port_glass_m, "accept_unknown_gap": accept_unknown_gap, "image_topic": image_topic, "channel": channel, "bits": bits, "every": every, "against": against, "annotate": annotate, "force": force}, progress))
+    return BoardCalibration(call("calibrate", "calibrate", {"inputs": inputs, "out": out, "board": board, "free": free, "intrinsics": intrinsics, "method": method, "rig": rig, "medium": medium, "at": at, "port_distance_m": port_distance_m, "port_glass_m": port_glass_m, "accept_unknown_gap": accept_unknown_gap, "image_topic": image_topic, "channel": channel, "bits": bits, "every": every, "against": against, "annotate": annotate, "force": force}, progress))
