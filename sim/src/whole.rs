@@ -65,7 +65,14 @@ pub fn run<T: Real>(
             }
         }
         if seen_s.value() > course.start_s {
-            advance(model, &mut state, (now, seen_s), &wrench, step_s, course.given);
+            advance(
+                model,
+                &mut state,
+                (now, seen_s),
+                &wrench,
+                step_s,
+                course.given,
+            );
             now = seen_s;
         }
         if let Some(given) = course.given {
