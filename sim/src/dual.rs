@@ -162,6 +162,9 @@ impl<const N: usize> Real for Dual<N> {
     fn value(self) -> f64 {
         self.value
     }
+    fn constant(self) -> Option<f64> {
+        self.slope.iter().all(|s| *s == 0.0).then_some(self.value)
+    }
     fn sin(self) -> Self {
         self.chain(self.value.sin(), self.value.cos())
     }

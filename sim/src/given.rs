@@ -89,6 +89,10 @@ impl Curve {
         if b == 0.0 && c == 0.0 && d == 0.0 {
             return T::from_f64(a);
         }
+        if let Some(t_s) = t_s.constant() {
+            let s = t_s - piece.t_s;
+            return T::from_f64(((s * d + c) * s + b) * s + a);
+        }
         let s = t_s - T::from_f64(piece.t_s);
         ((s * d + T::from_f64(c)) * s + T::from_f64(b)) * s + T::from_f64(a)
     }

@@ -44,6 +44,25 @@ impl<T: Real> ModelState<T> {
         add(&mut self.own[..own], &rate.own[..own]);
     }
 
+    /// Becomes `from + rate * step_s`; of the own states the first `own` are looked at.
+    fn set_sum(&mut self, from: &ModelState<T>, rate: &ModelState<T>, step_s: T, own: usize) {
+        let set = |to: &mut [T], from: &[T], rate: &[T]| {
+            for (to, (from, rate)) in to.iter_mut().zip(from.iter().zip(rate)) {
+                *to = *from + *rate * step_s;
+            }
+        };
+        let (to, of) = (&mut self.vehicle, (&from.vehicle, &rate.vehicle));
+        set(&mut to.eta, &of.0.eta, &of.1.eta);
+        set(&mut to.nu, &of.0.nu, &of.1.nu);
+        set(&mut self.own[..own], &from.own[..own], &rate.own[..own]);
+    }
+
+    /// Becomes the other state; of the own states the first `own` are looked at.
+    fn set(&mut self, to: &ModelState<T>, own: usize) {
+        self.vehicle = to.vehicle;
+        self.own[..own].copy_from_slice(&to.own[..own]);
+    }
+
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         let all = self
@@ -118,39 +137,64 @@ impl<T: Real> Model<T> {
         command: &[T; 6],
         given: Option<&Given>,
     ) -> ModelState<T> {
+        let mut rate = ModelState::at_rest([T::zero(); 6]);
+        self.put_rate((t_s, step_start_s), state, command, given, &mut rate);
+        rate
+    }
+
+    /// The same in place: with derivatives a state has some kilobytes, and copies of it took a quarter of a diagnosis.
+    fn put_rate(
+        &self,
+        (t_s, step_start_s): (T, T),
+        state: &ModelState<T>,
+        command: &[T; 6],
+        given: Option<&Given>,
+        rate: &mut ModelState<T>,
+    ) {
         let h = &self.hydrodynamics;
-        let VehicleState { mut eta, mut nu } = state.vehicle;
-        let companions = given.map(|g| {
-            g.put(t_s, &mut eta, &mut nu, false);
-            g.companions_at(t_s)
-        });
+        let mut placed;
+        let VehicleState { eta, nu } = match given {
+            Some(given) => {
+                placed = state.vehicle;
+                given.put(t_s, &mut placed.eta, &mut placed.nu, false);
+                &placed
+            }
+            None => &state.vehicle,
+        };
+        let companions = given.map(|g| g.companions_at(t_s));
+        // Nobody asks how a given DOF would accelerate.
+        let is_free: [bool; 6] =
+            std::array::from_fn(|i| given.is_none_or(|g| g.rates[i].is_none()));
         let coupled = h.model == VehicleModel::Eq1;
-        let attitude = Attitude::of(&eta);
+        let attitude = Attitude::of(eta);
         let (heading, own_mass) = (attitude.psi, h.mass());
         let mut moment = Moment {
             t_s,
             step_start_s,
             load: command,
-            eta: &eta,
+            eta,
             heading: &heading,
-            nu: &nu,
-            nu_r: &nu,
+            nu,
+            nu_r: nu,
             mass: &own_mass,
             hydrodynamics: h,
             companions: companions.as_ref(),
             given,
         };
-        let mut own_rate = [T::zero(); OWN_STATES_MAX];
-
-        let mut wrench = *command;
+        rate.own[..self.effects.states()].fill(T::zero());
+        let wrench = &mut rate.vehicle.nu;
+        *wrench = *command;
         self.effects
-            .thrust(&moment, &mut wrench, &state.own, &mut own_rate);
-        let mut nu_r = nu;
-        self.effects.relative_velocity(&moment, &mut nu_r);
-        moment.nu_r = &nu_r;
-        let mut mass = own_mass;
-        self.effects.added_mass(&moment, &mut mass);
-        moment.mass = &mass;
+            .thrust(&moment, wrench, &state.own, &mut rate.own);
+        let (mut nu_r, mut mass);
+        if self.effects.waters() {
+            nu_r = *nu;
+            self.effects.relative_velocity(&moment, &mut nu_r);
+            moment.nu_r = &nu_r;
+            mass = own_mass;
+            self.effects.added_mass(&moment, &mut mass);
+            moment.mass = &mass;
+        }
 
         let mut drag = equations::damping(h, moment.nu_r);
         self.effects.drag(&moment, &mut drag);
@@ -158,26 +202,22 @@ impl<T: Real> Model<T> {
         let tilt = if coupled { cos_theta } else { T::one() };
         let mut force = equations::restoring(h, [attitude.phi.0, sin_theta], tilt);
         if let Some(statics) = &h.hydrostatics {
-            let water = equations::hydrostatics(statics, &eta, coupled);
-            force = std::array::from_fn(|i| force[i] + water[i]);
+            let water = equations::hydrostatics(statics, eta, coupled);
+            add_to(&mut force, &water);
         }
         if coupled {
-            let cross = equations::coriolis(h, &nu);
-            force = std::array::from_fn(|i| force[i] + cross[i]);
+            equations::add_coriolis(h, &own_mass, nu, &is_free, &mut force);
         }
         self.effects.force(&moment, &state.own, &mut force);
 
-        let nu_dot: [T; 6] =
-            std::array::from_fn(|i| (wrench[i] + drag[i] + force[i]) / moment.mass[i]);
-        self.effects
-            .own_rate(&moment, &nu_dot, &state.own, &mut own_rate);
-        ModelState {
-            vehicle: VehicleState {
-                eta: attitude.eta_rate(&nu),
-                nu: nu_dot,
-            },
-            own: own_rate,
+        let nu_dot = wrench;
+        for i in (0..6).filter(|i| is_free[*i]) {
+            nu_dot[i] = (nu_dot[i] + drag[i] + force[i]) / moment.mass[i];
         }
+        let nu_dot = &rate.vehicle.nu;
+        self.effects
+            .own_rate(&moment, nu_dot, &state.own, &mut rate.own);
+        attitude.put_eta_rate(nu, &mut rate.vehicle.eta);
     }
 
     /// One classic Runge-Kutta step of fourth order (the paper's integrator) from `t_s` over `step_s`.
@@ -196,20 +236,45 @@ impl<T: Real> Model<T> {
         command: &[T; 6],
         given: Option<&Given>,
     ) -> ModelState<T> {
+        let mut state = *state;
+        self.step(&mut state, (t_s, step_s), 1, command, given);
+        state
+    }
+
+    /// As many such steps, each of `step_s`, in place.
+    pub(crate) fn step(
+        &self,
+        state: &mut ModelState<T>,
+        (t_s, step_s): (T, T),
+        count: usize,
+        command: &[T; 6],
+        given: Option<&Given>,
+    ) {
         let (half, sixth) = (step_s * 0.5, step_s * (1.0 / 6.0));
         let third = sixth * 2.0;
         let own = self.effects.states();
-        let rate = |at: T, s: &ModelState<T>| self.rate_beside(at, t_s, s, command, given);
-        // In place: copies of states with derivatives took a quarter of a diagnosis.
-        let (mut sum, mut between) = (*state, *state);
-        let mut slope = rate(t_s, state);
-        for (span, share) in [(half, sixth), (half, third), (step_s, third)] {
-            sum.add(&slope, share, own);
-            between.clone_from(state);
-            between.add(&slope, span, own);
-            slope = rate(t_s + span, &between);
+        let (mut sum, mut between, mut slope) = (*state, *state, *state);
+        for k in 0..count {
+            let from = t_s + step_s * k as f64;
+            let put_rate = |at: T, s: &ModelState<T>, rate: &mut ModelState<T>| {
+                self.put_rate((at, from), s, command, given, rate);
+            };
+            put_rate(from, state, &mut slope);
+            sum.set(state, own);
+            for (span, share) in [(half, sixth), (half, third), (step_s, third)] {
+                sum.add(&slope, share, own);
+                between.set_sum(state, &slope, span, own);
+                put_rate(from + span, &between, &mut slope);
+            }
+            sum.add(&slope, sixth, own);
+            state.set(&sum, own);
         }
-        sum.add(&slope, sixth, own);
-        sum
+    }
+}
+
+/// Adds one force to another.
+fn add_to<T: Real>(force: &mut [T; 6], more: &[T; 6]) {
+    for (f, m) in force.iter_mut().zip(more) {
+        *f = *f + *m;
     }
 }

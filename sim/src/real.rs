@@ -28,6 +28,10 @@ pub trait Real:
     fn from_f64(value: f64) -> Self;
     /// The value, without derivatives.
     fn value(self) -> f64;
+    /// The value where nothing moves it: what depends on it alone needs no derivatives. `None` = something does, or nobody knows.
+    fn constant(self) -> Option<f64> {
+        None
+    }
     /// sin, argument in radians.
     fn sin(self) -> Self;
     /// cos, argument in radians.
@@ -101,6 +105,9 @@ pub trait Real:
 }
 
 impl Real for f64 {
+    fn constant(self) -> Option<f64> {
+        Some(self)
+    }
     fn from_f64(value: f64) -> Self {
         value
     }

@@ -58,14 +58,21 @@ pub fn run<T: Real>(
     for stamp_s in course.stamps_s {
         let seen_s = effects.scene_time_s(T::from_f64(*stamp_s), 0.0);
         while let Some((t, new)) = jumps.next_if(|j| j.0.value() <= seen_s.value()) {
-            state = advance(model, state, now, t, &wrench, step_s, course.given);
+            advance(model, &mut state, (now, t), &wrench, step_s, course.given);
             now = t;
             if let Some(new) = new {
                 wrench = new.map(T::from_f64);
             }
         }
         if seen_s.value() > course.start_s {
-            state = advance(model, state, now, seen_s, &wrench, step_s, course.given);
+            advance(
+                model,
+                &mut state,
+                (now, seen_s),
+                &wrench,
+                step_s,
+                course.given,
+            );
             now = seen_s;
         }
         if let Some(given) = course.given {
@@ -79,20 +86,16 @@ pub fn run<T: Real>(
 
 fn advance<T: Real>(
     model: &Model<T>,
-    mut state: ModelState<T>,
-    from: T,
-    to: T,
+    state: &mut ModelState<T>,
+    (from, to): (T, T),
     wrench: &[T; 6],
     step_max_s: f64,
     given: Option<&Given>,
-) -> ModelState<T> {
+) {
     let span = to - from;
     let count = (span.value() / step_max_s - 1e-9).ceil().max(1.0);
     let step = span * (1.0 / count);
-    for k in 0..count as usize {
-        state = model.rk4_beside(from + step * k as f64, step, &state, wrench, given);
-    }
-    state
+    model.step(state, (from, step), count as usize, wrench, given);
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::{cancel, parallel};
 
 use super::body::Point;
-use super::coarse::stretches_of_each;
+use super::coarse::{ROUNDS, stretches_of_each};
 use super::fit::{Fit, Problem};
 use super::hyper::Tables;
 use super::limit::Watch;
@@ -37,6 +37,10 @@ const SMALLEST_GAIN: f64 = 3.0;
 const SHARES: [f64; 2] = [1.0, 0.4];
 /// Models of each turn that the runs left out choose from, and that the next one begins beside.
 const FRONT: usize = 3;
+/// Rounds after which models of a turn are compared for the first time: in the first the noise is what their start leaves.
+const RACE_ROUNDS: usize = 2;
+/// Models of each turn that are fitted to the end then: on a ship of two runs a fifth of the time is spared.
+const RACE: usize = 2 * FRONT;
 /// Misfit over the instruments' noise up to which nothing is left to explain.
 const AT_NOISE: f64 = 1.15;
 
@@ -45,6 +49,8 @@ const AT_NOISE: f64 = 1.15;
 struct Coarse {
     fit: Fit,
     left: Rms,
+    /// Points at which the fits from all starts ended: the best one now is not always the best in the end.
+    ends: Vec<Point>,
 }
 
 /// rms over runs per channel.
@@ -120,20 +126,25 @@ const BY_SQUARES: &str = "laws that explain most of the simulation error";
 type Job = (Vec<usize>, Vec<Point>);
 
 impl Problem {
-    /// Least-squares fits with what they leave of the runs that they are fitted to.
-    fn coarse_fits(&self, jobs: Vec<Job>) -> Vec<Coarse> {
+    /// Least-squares fits of so many rounds with what they leave of the runs that they are fitted to.
+    fn coarse_fits(&self, jobs: Vec<Job>, rounds: usize) -> Vec<Coarse> {
         let count = self.samples();
         let made = parallel::map_owned(jobs, |(terms, from)| {
             let each = from.iter().filter_map(|from| {
                 cancel::check();
-                let fit = self.least_squares(&terms, from, &Tables::new())?;
+                let fit = self.least_squares_within(rounds, &terms, from, &Tables::new())?;
                 let left = self.left(&fit.terms, &fit.point);
-                Some(Coarse { fit, left })
+                let ends = Vec::new();
+                Some(Coarse { fit, left, ends })
             });
             let each: Vec<Coarse> = each.collect();
             let first = each.first()?.clone();
             let size = |c: &Coarse| c.criterion(&first, &count);
-            each.into_iter().min_by(|a, b| size(a).total_cmp(&size(b)))
+            let ends = each.iter().map(|c| c.fit.point.clone()).collect();
+            let best = each
+                .into_iter()
+                .min_by(|a, b| size(a).total_cmp(&size(b)))?;
+            Some(Coarse { ends, ..best })
         });
         made.into_iter().flatten().collect()
     }
@@ -234,7 +245,7 @@ impl Problem {
     /// all models on the way.
     fn explained_most(&self, alone: &Fit, watch: Watch<'_>) -> Option<(Unseen, Vec<Fit>)> {
         let from = vec![self.body.begin(), alone.point.clone()];
-        let alone = self.coarse_fits(vec![(Vec::new(), from)]).pop()?;
+        let alone = self.coarse_fits(vec![(Vec::new(), from)], ROUNDS).pop()?;
         let mut all = vec![alone.fit.clone()];
         let mut unseen = vec![self.unseen_by_squares(&alone)?];
         let mut front = vec![alone];
@@ -246,7 +257,7 @@ impl Problem {
             watch.tell(&format!("simulation error, turn {}", turn + 1));
             let jobs = front.iter().flat_map(|c| self.coarse_proposals(&c.fit));
             let jobs: Vec<Job> = jobs.filter(|j| visited.insert(j.0.clone())).collect();
-            let mut made = self.coarse_fits(jobs);
+            let mut made = self.coarse_fits(jobs, RACE_ROUNDS);
             all.extend(made.iter().map(|c| c.fit.clone()));
             let (Some(before), Some(least)) = (
                 front.first(),
@@ -257,6 +268,11 @@ impl Problem {
             let count = self.independent_samples(&before.fit.terms, &before.fit.point);
             let rank = |c: &Coarse| c.criterion(before, &count);
             made.retain(|c| rank(c) < 0.0);
+            made.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
+            made.truncate(RACE);
+            let to_end = made.into_iter().map(|c| (c.fit.terms, c.ends));
+            let mut made = self.coarse_fits(to_end.collect(), ROUNDS);
+            all.extend(made.iter().map(|c| c.fit.clone()));
             made.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
             made.truncate(FRONT);
             for c in &made {
@@ -419,7 +435,8 @@ impl Problem {
         }
         let fit = self.least_squares(&both.terms, &both.point, &rival.cells.tables)?;
         let left = self.left(&fit.terms, &fit.point);
-        let made = self.unseen_by_squares(&Coarse { fit, left })?;
+        let ends = Vec::new();
+        let made = self.unseen_by_squares(&Coarse { fit, left, ends })?;
         tracing::debug!(
             "{:.3} {:?} {:?} leaves {:?} of runs not seen",
             made.mean(),

@@ -13,7 +13,7 @@ use super::prediction::Prediction;
 use super::summary::Rms;
 
 /// Fits, each with the noise that the one before left.
-const ROUNDS: usize = 6;
+pub(super) const ROUNDS: usize = 6;
 /// Change of a misfit's logarithm below which its noise stays.
 const SAME_MISFIT: f64 = 0.05;
 /// Lags over which the correlation of what is left is summed, as a share of a run.
@@ -72,6 +72,17 @@ impl Problem {
     /// Least squares of the motion: the point at which a model leaves least, every channel in units of what it leaves there.
     /// `tables` = sizes of its tables. Scores of such fits compare models that were fitted under one noise only.
     pub fn least_squares(&self, terms: &[usize], start: &[f64], tables: &Tables) -> Option<Fit> {
+        self.least_squares_within(ROUNDS, terms, start, tables)
+    }
+
+    /// The same with so many rounds of its noise at most.
+    pub(super) fn least_squares_within(
+        &self,
+        rounds: usize,
+        terms: &[usize],
+        start: &[f64],
+        tables: &Tables,
+    ) -> Option<Fit> {
         let cells = without_force(tables);
         let has_table = terms.iter().any(|t| self.body.candidates[*t].is_table());
         let noise = |point: &[f64]| {
@@ -85,7 +96,7 @@ impl Problem {
         let (mut left, mut factor) = noise(start);
         let mut coarse = self.coarse(&left);
         let mut made: Option<Fit> = None;
-        for _ in 0..ROUNDS {
+        for _ in 0..rounds {
             let from = made.as_ref().map_or(start, |f| &f.point);
             let effort = Effort {
                 decrement: BY_SQUARES.decrement / (factor * factor),

@@ -78,8 +78,8 @@ fn always(camera: &CameraPrior, sheet: bool) -> Free {
 /// Everything that may be fitted.
 pub(super) fn fullest(camera: &CameraPrior, sheet: bool) -> Free {
     let mut free = always(camera, sheet);
-    for k in ASPECT..PORT {
-        free[k] |= camera.numbers[k].sd > 0.0;
+    for (free, number) in free.iter_mut().zip(&camera.numbers).take(PORT).skip(ASPECT) {
+        *free |= number.sd > 0.0;
     }
     if sheet {
         free[CAMERA + CONE] = true;
@@ -254,7 +254,7 @@ pub(super) fn average(models: Vec<(Free, Solved)>) -> Option<(State, DMatrix<f64
     let mut total = 0.0;
     for (free, solved) in &models {
         let share = (solved.ln_evidence - best).exp();
-        if !(share > 1e-9) {
+        if share.is_nan() || share <= 1e-9 {
             continue;
         }
         let inverse = solved.hessian.clone().cholesky()?.inverse();

@@ -309,13 +309,12 @@ impl LeastSquares<Dyn> for Bundle<'_> {
             }
         }
         let x = Self::shared(at);
-        for k in 0..SHARED {
-            let known = self.prior[k];
+        for (k, (x, known)) in x.iter().zip(self.prior).enumerate() {
             if !self.free[k] {
                 normal.hessian[(k, k)] = 1.0;
             } else if known.sd.is_finite() {
                 normal.hessian[(k, k)] += known.sd.powi(-2);
-                normal.gradient[k] += (x[k] - known.value) / (known.sd * known.sd);
+                normal.gradient[k] += (x - known.value) / (known.sd * known.sd);
             }
         }
         for i in 0..n {

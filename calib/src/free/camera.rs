@@ -65,7 +65,7 @@ impl Lens {
             None => *point,
             Some(plate) => self.through(plate, point)?,
         };
-        if !(air[2] > 1e-9) {
+        if air[2].is_nan() || air[2] <= 1e-9 {
             return None;
         }
         let at = Vector2::new(air[0] / air[2], air[1] / air[2]);
@@ -154,7 +154,7 @@ impl Lens {
             let step = by.try_inverse()? * off;
             at -= step * (0.5 / step.norm()).min(1.0);
         }
-        if !(left < 1e-9) {
+        if left.is_nan() || left >= 1e-9 {
             return None;
         }
         let air = Vector3::new(at[0], at[1], 1.0).normalize();

@@ -225,7 +225,7 @@ fn misfits(work: &Work<'_>, options: &FreeOptions) -> Vec<(usize, LeftOut)> {
     let usual_px = sorted[sorted.len() / 2];
     let limit = options.misfit * usual_px.max(GOOD_PX);
     (rms.iter().enumerate())
-        .filter(|(_, r)| !(**r <= limit))
+        .filter(|(_, r)| r.is_nan() || **r > limit)
         .map(|(k, r)| {
             (
                 k,

@@ -4,22 +4,38 @@ use super::{Hydrodynamics, Hydrostatics};
 use crate::real::Real;
 use crate::vehicle::kinematics::rotation;
 
-/// Coriolis and centripetal terms of Eq. 1 (rigid body plus added mass) \[N, N m\].
+/// Adds the Coriolis and centripetal terms of Eq. 1 (rigid body plus added mass) of the DOFs that are asked for \[N, N m\].
 ///
-/// Eq. 1 holds them with M_x = m - X_udot etc., e.g. surge (Z_wdot - m) w q + (m - Y_vdot) v r.
+/// Eq. 1 holds them with `mass`, M_x = m - X_udot etc., e.g. surge (Z_wdot - m) w q + (m - Y_vdot) v r.
+pub fn add_coriolis<T: Real>(
+    h: &Hydrodynamics<T>,
+    mass: &[T; 6],
+    nu: &[T; 6],
+    is_asked: &[bool; 6],
+    force: &mut [T; 6],
+) {
+    let [u, v, w, p, q, r] = nu;
+    let [mx, my, mz, ..] = mass;
+    let [xu, yv, zw, kp, mq, nr] = &h.added;
+    let [_, _, _, ix, iy, iz] = &h.rigid;
+    for (i, force) in force.iter_mut().enumerate().filter(|(i, _)| is_asked[*i]) {
+        let cross = match i {
+            0 => *my * *v * *r - *mz * *w * *q,
+            1 => *mz * *w * *p - *mx * *u * *r,
+            2 => *mx * *u * *q - *my * *v * *p,
+            3 => (*zw - *yv) * *w * *v + (*iy - *iz + *nr - *mq) * *r * *q,
+            4 => (*xu - *zw) * *u * *w + (*iz - *ix + *kp - *nr) * *p * *r,
+            _ => (*yv - *xu) * *v * *u + (*ix - *iy + *mq - *kp) * *p * *q,
+        };
+        *force = *force + cross;
+    }
+}
+
+/// All of these terms by themselves \[N, N m\].
 pub fn coriolis<T: Real>(h: &Hydrodynamics<T>, nu: &[T; 6]) -> [T; 6] {
-    let [u, v, w, p, q, r] = *nu;
-    let [mx, my, mz, ..] = h.mass();
-    let [xu, yv, zw, kp, mq, nr] = h.added;
-    let [_, _, _, ix, iy, iz] = h.rigid;
-    [
-        my * v * r - mz * w * q,
-        mz * w * p - mx * u * r,
-        mx * u * q - my * v * p,
-        (zw - yv) * w * v + (iy - iz + nr - mq) * r * q,
-        (xu - zw) * u * w + (iz - ix + kp - nr) * p * r,
-        (yv - xu) * v * u + (ix - iy + mq - kp) * p * q,
-    ]
+    let mut force = [T::zero(); 6];
+    add_coriolis(h, &h.mass(), nu, &[true; 6], &mut force);
+    force
 }
 
 /// Linear and quadratic damping (X_u + X_u|u| |u|) u of the velocity through the water \[N, N m\].

@@ -43,18 +43,23 @@ impl<T: Real> Attitude<T> {
     /// Euler rates divide by cos(theta): the pose is undefined at theta = +-90 deg, where the
     /// result is not finite; [`crate::world::World`] turns that into an error.
     pub fn eta_rate(&self, nu: &[T; 6]) -> [T; 6] {
+        let mut rate = [T::zero(); 6];
+        self.put_eta_rate(nu, &mut rate);
+        rate
+    }
+
+    /// The same in place.
+    pub(crate) fn put_eta_rate(&self, nu: &[T; 6], rate: &mut [T; 6]) {
         let [u, v, w, p, q, r] = *nu;
         let m = self.rotation();
         let ((sf, cf), (st, ct)) = (self.phi, self.theta);
         let turn = q * sf + r * cf; // psi_dot cos(theta)
-        [
-            m[0][0] * u + m[0][1] * v + m[0][2] * w,
-            m[1][0] * u + m[1][1] * v + m[1][2] * w,
-            m[2][0] * u + m[2][1] * v + m[2][2] * w,
-            p + turn * st / ct,
-            q * cf - r * sf,
-            turn / ct,
-        ]
+        for (rate, row) in rate.iter_mut().zip(&m) {
+            *rate = row[0] * u + row[1] * v + row[2] * w;
+        }
+        rate[3] = p + turn * st / ct;
+        rate[4] = q * cf - r * sf;
+        rate[5] = turn / ct;
     }
 }
 

@@ -170,7 +170,7 @@ impl SimAutopilot {
 
     /// Does everything up to `now_ns`; bytes that are at the host by then go to `out`, one `Vec` per datagram.
     pub fn poll(&mut self, now_ns: u64, out: &mut Vec<Vec<u8>>) {
-        while let Some((at_ns, bytes)) = self.inbox.pop_front_if(|b| b.0 <= now_ns) {
+        while let Some((at_ns, bytes)) = due(&mut self.inbox, now_ns) {
             for byte in bytes {
                 if let Some(frame) = self.deframer.feed(byte) {
                     self.take(&frame, at_ns);
@@ -186,7 +186,7 @@ impl SimAutopilot {
                 self.stream(self.streams[i].id, at_ns);
             }
         }
-        while let Some((_, bytes)) = self.outbox.pop_front_if(|b| b.0 <= now_ns) {
+        while let Some((_, bytes)) = due(&mut self.outbox, now_ns) {
             out.push(bytes);
         }
     }
@@ -312,4 +312,12 @@ impl SimAutopilot {
         let due_ns = due_ns.max(self.outbox.back().map_or(0, |b| b.0));
         self.outbox.push_back((due_ns, bytes));
     }
+}
+
+/// First of a queue, where its time has come.
+fn due(queue: &mut VecDeque<(u64, Vec<u8>)>, now_ns: u64) -> Option<(u64, Vec<u8>)> {
+    queue
+        .front()
+        .is_some_and(|b| b.0 <= now_ns)
+        .then(|| queue.pop_front())?
 }
