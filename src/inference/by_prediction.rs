@@ -362,8 +362,8 @@ pub fn decide_by_prediction(found: &mut Found, held: Option<&Problem>, watch: Wa
 }
 
 impl Problem {
-    /// Of laws, the same with tables beside them, and a rival, the one that predicts the runs that were not seen: those held out
-    /// where there are any, and those left out else; `None` = the rival. A table has to be better than laws by one standard
+    /// Of laws, the same with tables beside them, and a rival, the one that predicts the runs that were not seen: those left out,
+    /// and those held out where there are any; `None` = the rival. A table has to be better than laws by one standard
     /// error, for it has its place only where no laws predict as well; laws have to be better by that than a random force.
     fn chosen(
         &self,
@@ -372,14 +372,17 @@ impl Problem {
         rival: Option<&Fit>,
         held: Option<&Problem>,
     ) -> Option<Unseen> {
-        let errors = |of: &Unseen| match held {
-            Some(held) => self
-                .left_of_held(held, &of.fit)
-                .map(|left| self.scores(&left)),
-            None => Some(of.errors.clone()),
+        // Runs held out are often fewer than those left out, and like one of these: all count.
+        let with_held = |mut errors: Vec<f64>, fit: &Fit| {
+            if let Some(held) = held {
+                errors.extend(self.scores(&self.left_of_held(held, fit)?));
+            }
+            Some(errors)
         };
-        let of_laws = errors(&laws);
-        let with_tables = beside.as_ref().and_then(errors);
+        let of_laws = with_held(laws.errors.clone(), &laws.fit);
+        let with_tables = beside
+            .as_ref()
+            .and_then(|of| with_held(of.errors.clone(), &of.fit));
         let is_better = |a: &[f64], b: &[f64]| {
             let (mean, se) = beside_each(a, b);
             mean + se < 0.0
@@ -389,13 +392,8 @@ impl Problem {
             (_, Some(with)) => (beside?, Some(with)),
             _ => (laws, of_laws),
         };
-        let of_rival = rival.and_then(|rival| {
-            let left = match held {
-                Some(held) => self.left_of_held(held, rival),
-                None => self.left_by_others(rival),
-            };
-            left.map(|left| self.scores(&left))
-        });
+        let of_rival =
+            rival.and_then(|rival| with_held(self.scores(&self.left_by_others(rival)?), rival));
         // A rival of which there is no finite motion predicts nothing.
         let (Some(rival), Some(of_rival)) = (rival, of_rival) else {
             return Some(best.0);

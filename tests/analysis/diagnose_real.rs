@@ -144,7 +144,7 @@ fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {
     let mattering = v.effects.iter().filter(|e| e.matters).count();
     assert_eq!(v.ablation.is_empty(), mattering < 2, "{:?}", v.ablation);
     assert!(
-        v.fit.held_out_by.contains("chose nothing"),
+        v.fit.held_out_by.contains("not fitted"),
         "{}",
         v.fit.held_out_by
     );

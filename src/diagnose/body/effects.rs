@@ -289,7 +289,7 @@ impl Judged<'_> {
             let runs = over.body.recording.runs.iter();
             let names: Vec<&str> = runs.map(|r| r.name.as_str()).collect();
             made.held_out = self.before_after(&predicted.rms);
-            made.held_out_by = format!("runs held out: {}, which chose nothing", names.join(", "));
+            made.held_out_by = format!("runs held out: {}, not fitted", names.join(", "));
         }
         made
     }

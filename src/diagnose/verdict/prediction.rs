@@ -51,7 +51,7 @@ pub struct Predicted<'a> {
     pub noise: Option<f64>,
 }
 
-/// Fit and prediction of what chose nothing.
+/// Fit and prediction of runs that were not fitted.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, schemars::JsonSchema)]
 pub struct FitTable {
     /// rms of the residuals per channel on the runs fitted.
