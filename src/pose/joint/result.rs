@@ -3,6 +3,7 @@
 use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
 use super::{LightSeen, Matrix7, ResponseSeen};
+use crate::place::Carried;
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
 
@@ -18,7 +19,7 @@ pub enum PoseCaveat {
     BareFloor,
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
-    #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
+    #[error("the target looks the same one hexagon on: x is known up to that")]
     WhichHexagon,
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
@@ -74,6 +75,8 @@ pub struct JointPose {
     pub pixels: usize,
     /// Reservations about the pose.
     pub caveats: Vec<PoseCaveat>,
+    /// Where a run carries x, as long as the motion has not decided between places.
+    pub carried: Option<Carried>,
 }
 
 impl JointPose {
@@ -89,9 +92,17 @@ impl JointPose {
         .any(|c| self.caveats.contains(c))
     }
 
+    /// Scales what the pose states of its own uncertainty by a factor of its sds.
+    pub(crate) fn widen(&mut self, sds: f64) {
+        self.covariance *= sds * sds;
+        self.covariance_with_thickness *= sds * sds;
+        self.theta_sd_alone_rad *= sds;
+    }
+
     /// The caveats in words, and where the frame does not fit, what its light looks like.
     pub fn reasons(&self) -> String {
         let mut words: Vec<String> = self.caveats.iter().map(ToString::to_string).collect();
+        words.extend(self.carried.as_ref().map(ToString::to_string));
         let off = [PoseCaveat::Misfit, PoseCaveat::EdgesOff];
         if off.iter().any(|c| self.caveats.contains(c)) {
             words.push(format!(
