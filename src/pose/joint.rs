@@ -51,6 +51,9 @@ const THETA_SHOWN_RAD: f64 = 0.01;
 pub(crate) const EDGES_OFF: f64 = 0.06;
 /// Below this other places need not be tried.
 pub(crate) const EDGES_SOUND: f64 = 0.035;
+/// Where an edge's pixels have more than this of their squared model error alike, the edge as a whole lies elsewhere: of scatter, as
+/// compression leaves it, they have 0 to 0.3 alike, under a wrong curve of the camera 0.5 to 0.9.
+pub(crate) const EDGES_ALIKE: f64 = 0.5;
 /// From here on edges are not where the target has them, whatever the frame is compressed by.
 pub(crate) const EDGES_NOWHERE: f64 = 0.1;
 /// Where a line lies on a corner of the target, the pose a little before the corner and that as far behind it are minima of the same
@@ -340,7 +343,7 @@ impl PoseFitter {
 
 /// The same, with the caveat where its edges are not where the target has them.
 fn edges_held(mut fitted: JointPose) -> JointPose {
-    if fitted.edge_model_error >= EDGES_OFF {
+    if fitted.edges_are_off() {
         fitted.caveats.push(PoseCaveat::EdgesOff);
     }
     fitted

@@ -7,8 +7,8 @@
 //! vehicle is expected that well; later a frame is looked for anywhere.
 
 use super::joint::{
-    EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, PoseCaveat, PoseFault, PoseFitter,
-    Speculative,
+    EDGES_ALIKE, EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, PoseCaveat, PoseFault,
+    PoseFitter, Speculative,
 };
 use super::place::{Carried, Place};
 use hydroline_calib::plane::PlaneMap;
@@ -216,11 +216,13 @@ impl PoseRun {
 }
 
 /// Takes a pose whose edges are a little off, as a compressed frame's are, for the expected place's where x agrees with
-/// it; its sds grow with what the edges leave.
+/// it; its sds grow with what the edges leave. Where that is not scatter but a shift of whole edges, x that agrees says nothing: a wrong
+/// response of the camera shifts the poses that the place comes from alike.
 fn settle_edges(fit: &mut JointPose, expected: &Carried, period_m: Option<f64>) {
     let off = fit.edge_model_error;
     if !fit.caveats.contains(&PoseCaveat::EdgesOff)
         || !(EDGES_OFF..EDGES_NOWHERE).contains(&off)
+        || fit.edges_alike > EDGES_ALIKE
         || !expected.is_decided()
         || expected.sd_m > ANCHORED_SD_M
     {

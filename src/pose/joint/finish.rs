@@ -172,8 +172,9 @@ impl PoseFitter {
         if rejected > rejected_most || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
-        let [alone, covariance_with_thickness] =
+        let [alone, with_response] =
             covariances(&sums, &free, considered).ok_or(PoseFault::NotConverged)?;
+        let covariance_with_thickness = with_response + alone * (sums.edges.birge2() - 1.0);
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &all_free),
             Some(_) => None,
@@ -198,6 +199,7 @@ impl PoseFitter {
             noise_sd: weighting.noise_sd,
             rejected,
             edge_model_error,
+            edges_alike: sums.edges.alike(weighting.noise_sd),
             pixels: sums.tally.pixels,
             caveats,
             carried: None,

@@ -2,7 +2,7 @@
 
 use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
-use super::{LightSeen, Matrix7, ResponseSeen};
+use super::{EDGES_ALIKE, EDGES_OFF, EDGES_SOUND, LightSeen, Matrix7, ResponseSeen};
 use crate::place::Carried;
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
@@ -71,6 +71,9 @@ pub struct JointPose {
     pub rejected: f64,
     /// Model error of the edges' pixels: sd beyond their noise, as a share of the light of a pixel cut in half.
     pub edge_model_error: f64,
+    /// Share of its square that the pixels of an edge have alike: scatter has none, a wrong place or a wrong response of the camera
+    /// more than half.
+    pub edges_alike: f64,
     /// Pixels compared.
     pub pixels: usize,
     /// Reservations about the pose.
@@ -90,6 +93,12 @@ impl JointPose {
         ]
         .iter()
         .any(|c| self.caveats.contains(c))
+    }
+
+    /// Whether the edges are not where the target has them: off by too much, or off as a whole.
+    pub(crate) fn edges_are_off(&self) -> bool {
+        self.edge_model_error >= EDGES_OFF
+            || self.edge_model_error >= EDGES_SOUND && self.edges_alike > EDGES_ALIKE
     }
 
     /// Scales what the pose states of its own uncertainty by a factor of its sds.

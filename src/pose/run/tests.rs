@@ -3,6 +3,7 @@
 use super::*;
 use crate::fixture::lshpi_rig;
 use hydroline_calib::{IdealMap, Pose};
+use hydroline_rigs::StatedResponse;
 use hydroline_sim::{Pose6, Renderer};
 use hydroline_stripe::{Extractor, ExtractorConfig};
 
@@ -91,5 +92,38 @@ fn a_pose_fitted_ahead_of_its_turn_has_the_same_bits_after_a_gap() {
         let a = live.pose(at(*k), image, profile);
         let b = replayed.pose_speculative(at(*k), image, profile, ahead);
         assert!(a == b, "{k}: {a:?} {b:?}");
+    }
+}
+
+/// Poses 11 sds off along the weak direction were accepted: x agreed with a place that came from poses off alike.
+#[test]
+fn a_wrong_curve_of_the_camera_is_not_settled_by_the_place_of_its_own_poses() {
+    for gamma in [1.0, 0.8] {
+        let mut rig = lshpi_rig();
+        rig.tank.start_pose[0] = truth(0).x_m;
+        rig.camera.response = Some(StatedResponse {
+            gamma,
+            gamma_sd: 0.001,
+            black_levels: Some([0.0, 0.5]),
+            gamma_black_correlation: 0.0,
+            ceiling_levels: None,
+            source: "another camera".to_owned(),
+        });
+        let mut run = PoseRun::new(&rig, Arc::new(IdealMap::of(&rig)));
+        for k in 0..4 {
+            match look(&mut run, &rig, k, false) {
+                RunPose::Good(fit) => {
+                    assert_eq!(gamma, 1.0, "{k}: {fit:?}");
+                    let off_m = fit.pose.x_m - truth(k).x_m;
+                    let sd_m = fit.covariance[(0, 0)].sqrt();
+                    assert!(off_m.abs() < 4.0 * sd_m, "{k}: {off_m}, sd {sd_m}");
+                }
+                RunPose::Flagged(fit) => {
+                    assert_eq!(gamma, 0.8, "{k}: {fit:?}");
+                    assert!(fit.caveats.contains(&PoseCaveat::EdgesOff), "{k}: {fit:?}");
+                }
+                RunPose::None(fault) => panic!("{k}: {fault}"),
+            }
+        }
     }
 }
