@@ -28,7 +28,7 @@ pub enum PoseCaveat {
     )]
     Misfit,
     #[error(
-        "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, or light that the model does not know"
+        "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, a camera whose response is not the one in force (`hydroline flat`), or light that the model does not know"
     )]
     EdgesOff,
 }
