@@ -11,20 +11,17 @@ use hydroline_rigs::Rig;
 use nalgebra::DMatrix;
 
 use super::fitted::Fitted;
+use super::over_noise::OverNoise;
 
 /// A direction whose information is below this share of the largest (after scaling every number to unit information) is rounding.
 const RANK: f64 = 1e-11;
-
-/// Probability of a cell of the random force below which its share of the covariance is not asked for: 60 of them are a tenth.
-const LEAST: f64 = 2e-3;
 
 /// Values of a mode with what is known of them: the vehicle's own numbers first, then each run's start.
 pub(crate) struct Numbers {
     pub values: Vec<f64>,
     /// Natural number by the scaled one.
     pub slopes: Vec<f64>,
-    /// Posterior covariance, over all cells of the random force by their probabilities (law of total covariance, the mode under another
-    /// cell one Newton step away); of what is held as the rig knows it.
+    /// Posterior covariance over what is open of the noise and the random force; of what is held as the rig knows it.
     pub covariance: DMatrix<f64>,
     /// The same under the chosen cells alone: what a change of the data or of a number held does to the mode.
     pub at_mode: DMatrix<f64>,
@@ -50,35 +47,35 @@ fn covariance(of: &DMatrix<f64>) -> DMatrix<f64> {
     Covariance::of_information(of, RANK).with_infinities()
 }
 
-/// Covariance over all cells of the random forces (law of total covariance), from that at the mode on; `whole` = the information there.
-fn over_forces(
+/// Covariance over what is open of the noises and the random forces, from that at the mode on; `whole` = the information there.
+fn over_noises(
     at_mode: &DMatrix<f64>,
     whole: &DMatrix<f64>,
     by_dof: &[(usize, Normal)],
-    natural: impl Fn(Normal) -> Normal,
+    natural: impl Fn(Normal) -> Normal + Sync,
     (fitted, all): (&Fitted, &[Simulated]),
 ) -> DMatrix<f64> {
-    let (problem, fit) = (&fitted.problem, &fitted.fit);
     let mut made = at_mode.clone();
-    for (dof, cells) in &fit.forces {
-        let Some((_, chosen)) = by_dof.iter().find(|(d, _)| d == dof) else {
+    if !fitted.problem.noises.has_force {
+        return made;
+    }
+    let over = OverNoise {
+        problem: &fitted.problem,
+        all,
+        whole,
+        natural,
+    };
+    for (dof, chosen) in by_dof {
+        let cell = fitted.fit.cells.misfit[*dof];
+        let Some(change) = over.change(*dof, (cell, chosen), at_mode) else {
             continue;
         };
-        for (cell, probability) in cells {
-            if *probability <= LEAST || *cell == fit.cells.misfit[*dof] {
-                continue;
+        // Directions of which nobody knows anything stay so.
+        made.zip_apply(&change, |m, c| {
+            if m.is_finite() && c.is_finite() {
+                *m += c;
             }
-            let other = natural(problem.normal(all, *dof, *cell, whole.nrows()));
-            let there = covariance(&(whole + (other.information - &chosen.information)));
-            let away = &there * (other.gradient - &chosen.gradient);
-            let change = there - at_mode + &away * away.transpose();
-            // Directions of which nobody knows anything stay so.
-            made.zip_apply(&change, |m, c| {
-                if m.is_finite() && c.is_finite() {
-                    *m += probability * c;
-                }
-            });
-        }
+        });
     }
     made
 }
@@ -132,7 +129,7 @@ impl Numbers {
             beside[(i, i)] = 1.0;
         }
         let at_mode = covariance(&whole);
-        let covariance_of_all = over_forces(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
+        let covariance_of_all = over_noises(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
         let of_data = by_dof
             .into_iter()
             .map(|(d, normal)| (d, normal.information));

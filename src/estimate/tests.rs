@@ -2,6 +2,10 @@
 
 #[path = "tests/unit/budget.rs"]
 mod budget;
+#[path = "tests/unit/coverage.rs"]
+mod coverage;
+#[path = "tests/unit/tank.rs"]
+mod tank;
 
 use crate::{EstimateError, ModelChoice, Options, identify, refit};
 use hydroline_core::run::{Channel, Command, PerChannel, Run, Sample};

@@ -77,6 +77,8 @@ pub struct Normal {
     pub gradient: DVector<f64>,
     /// Half energy and half log variance: minus the log likelihood, without the constant.
     pub cost: f64,
+    /// Sum of squares of the whitened residuals.
+    pub energy: f64,
     /// Samples that count.
     pub used: usize,
 }
@@ -381,7 +383,7 @@ impl Problem {
     }
 
     /// The same under any filters.
-    pub(super) fn normal_with(
+    pub fn normal_with(
         &self,
         all: &[Simulated],
         dof: usize,
@@ -392,6 +394,7 @@ impl Problem {
             information: DMatrix::zeros(size, size),
             gradient: DVector::zeros(size),
             cost: 0.0,
+            energy: 0.0,
             used: 0,
         };
         let measured = self.measured(dof);
@@ -405,6 +408,7 @@ impl Problem {
             };
             let right = DVector::from_vec(flat(&residual));
             made.cost += 0.5 * (right.norm_squared() + filter.ln_variance);
+            made.energy += right.norm_squared();
             made.used += filter.used;
             let (mut places, mut data) = (Vec::new(), Vec::new());
             for (i, column) in &sim.columns {
@@ -435,13 +439,13 @@ impl Problem {
     ///
     /// `values` = channels per run and sample, rotated as measured ones are.
     pub fn cost_of(&self, values: &[Vec<PerChannel<f64>>]) -> f64 {
-        let median = self.body.prior.misfit_over_tolerance;
+        let prior = &self.body.prior;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
             let each = parallel::map_slice(&cells, |&cell| {
                 let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
                 let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
-                ln_prior(cell, median) - cost
+                ln_prior(cell, prior) - cost
             });
             -ln_sum(&each)
         };
