@@ -1,10 +1,10 @@
 //! Coverage of the Type A intervals: how many of them hold the truth.
 
 use super::QUICK;
-use super::tank::{Noise, PLANS, Truth, runs};
+use super::tank::{Noise, PLANS, Plan, Truth, runs};
 use crate::{Options, identify};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_rigs::Rig;
+use hydroline_rigs::{ParameterValue, PhysicsEntry, Rig};
 use rand::{SeedableRng, rngs::StdRng};
 use std::collections::BTreeMap;
 
@@ -46,6 +46,9 @@ fn counted(seeds: std::ops::Range<u64>) -> BTreeMap<Noise, Count> {
             count.inside += usize::from(p.low.unwrap() <= actual && actual <= p.high.unwrap());
             count.square += ((p.value - actual) / p.sd.unwrap()).powi(2);
         }
+        if seed % 50 == 49 {
+            println!("{} {:?}", seed + 1, pooled(&counts));
+        }
     }
     for (noise, count) in &counts {
         println!(
@@ -80,4 +83,41 @@ fn intervals_hold_the_truth_in_93_to_97_of_a_hundred() {
     let all = pooled(&counted(0..500));
     println!("{all:?} {} {}", all.share(), all.ratio());
     assert!((0.93..=0.97).contains(&all.share()), "{all:?}");
+}
+
+/// The worked case of the budget: thrust lags by .15 s and the thrusters have a deadband of .4 N, of which the rig says nothing.
+#[test]
+fn what_hides_in_the_added_mass_is_in_its_expanded_uncertainty() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let with = Options {
+        from_rest: true,
+        budget: true,
+        ..QUICK
+    };
+    let mut truth = Truth::of(&rig);
+    truth.effects = [
+        ("thruster_lag", "lag_s", 0.15),
+        ("thruster_deadband", "width_n", 0.4),
+    ]
+    .map(|(effect, name, value)| PhysicsEntry {
+        effect: effect.to_owned(),
+        parameters: vec![
+            ("dof".to_owned(), ParameterValue::Word("surge".to_owned())),
+            (name.to_owned(), ParameterValue::Number(value)),
+        ],
+    })
+    .to_vec();
+    let plans: [Plan; 2] = [PLANS[0], &[(0.0, 8.0), (12.0, 0.0)]];
+    let mut rng = StdRng::seed_from_u64(64);
+    let found = identify(&runs(&truth, &plans, Noise::White, &mut rng), &rig, &with).unwrap();
+    for line in &found.budget {
+        println!(
+            "{} {:?} {:?}",
+            line.source, line.probability, line.contributions
+        );
+    }
+    let p = &found.parameters["x_udot"];
+    println!("{p:?} {:?}", found.misfit);
+    let off = p.value - rig.vehicle.coefficients[0].added;
+    assert!(off.abs() < p.u95.unwrap(), "{p:?}");
 }
