@@ -230,12 +230,15 @@ fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<(
     Some(each.collect())
 }
 
+/// Largest amplitude that an effect is taken to have, in typical sizes: what asks for more is no effect but what the model misses.
+const AMPLITUDE_MOST: f64 = 2.0;
+
 /// Standard uncertainty of an effect's amplitude, in typical sizes, and the probability that it acts: normal about none with the
 /// typical size where it does. `seen` = information of the runs beside the fit's numbers, `slope` = gradient of the log likelihood.
 fn of_effect(seen: f64, slope: f64, ln_odds: f64) -> (f64, f64) {
     let left = (1.0 + seen).recip();
-    let gain_ln = 0.5 * (slope * slope * left + left.ln());
+    let mean = (slope * left).clamp(-AMPLITUDE_MOST, AMPLITUDE_MOST);
+    let gain_ln = slope * mean - 0.5 * mean * mean / left + 0.5 * left.ln();
     let chance = (1.0 + (-ln_odds - gain_ln).exp()).recip();
-    let square = left + (slope * left).powi(2);
-    ((chance * square).sqrt(), chance)
+    ((chance * (left + mean * mean)).sqrt(), chance)
 }
