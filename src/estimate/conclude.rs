@@ -181,9 +181,10 @@ impl Concluding<'_> {
             // A profile is that of the chosen random force.
             let alone = place.map_or(sd, |p| self.numbers.at_mode[(p, p)].sqrt());
             // What all samples have alike widens a profile as it widens the sd.
+            let width = place.map_or(1.0, |p| self.numbers.widths[p]);
             let profile = place.and_then(|p| profiles.remove(&p)).map(|p| Profile {
-                low: value + (p.low - value) * sd / alone,
-                high: value + (p.high - value) * sd / alone,
+                low: value + (p.low - value) * width * sd / alone,
+                high: value + (p.high - value) * width * sd / alone,
                 ..p
             });
             let finite = sd.is_finite().then_some(sd);
@@ -204,10 +205,10 @@ impl Concluding<'_> {
                 largest_share: None,
                 low: profile
                     .map(|p| p.low)
-                    .or(finite.map(|sd| value - quantile * sd)),
+                    .or(finite.map(|sd| value - quantile * width * sd)),
                 high: profile
                     .map(|p| p.high)
-                    .or(finite.map(|sd| value + quantile * sd)),
+                    .or(finite.map(|sd| value + quantile * width * sd)),
                 profile,
                 rig: c.of_vehicle(&self.rig.vehicle),
                 excited,

@@ -23,7 +23,9 @@ pub(crate) struct Numbers {
     pub slopes: Vec<f64>,
     /// Posterior covariance over what is open of the noise and the random force; of what is held as the rig knows it.
     pub covariance: DMatrix<f64>,
-    /// The same under the chosen cells alone: what a change of the data or of a number held does to the mode.
+    /// Half-width of each number's 95 % interval over that of a normal error of its sd: noise and force are a mixture.
+    pub widths: Vec<f64>,
+    /// The covariance under the chosen cells alone: what a change of the data or of a number held does to the mode.
     pub at_mode: DMatrix<f64>,
     /// The same with what is held known, and without the priors of coefficients: what the runs say.
     pub beside_held: DMatrix<f64>,
@@ -54,11 +56,14 @@ fn over_noises(
     by_dof: &[(usize, Normal)],
     natural: impl Fn(Normal) -> Normal + Sync,
     (fitted, all): (&Fitted, &[Simulated]),
-) -> DMatrix<f64> {
+) -> (DMatrix<f64>, Vec<f64>) {
     let mut made = at_mode.clone();
+    let mut widths = vec![1.0; at_mode.nrows()];
     if !fitted.problem.noises.has_force {
-        return made;
+        return (made, widths);
     }
+    // Largest change of each number's variance by one DOF: its distribution is that number's.
+    let mut most = vec![0.0; at_mode.nrows()];
     let over = OverNoise {
         problem: &fitted.problem,
         all,
@@ -67,9 +72,15 @@ fn over_noises(
     };
     for (dof, chosen) in by_dof {
         let cell = fitted.fit.cells.misfit[*dof];
-        let Some(change) = over.change(*dof, (cell, chosen), at_mode) else {
+        let Some((change, width)) = over.change(*dof, (cell, chosen), at_mode) else {
             continue;
         };
+        for i in 0..most.len() {
+            let share = (change[(i, i)] / at_mode[(i, i)]).abs();
+            if share > most[i] {
+                (most[i], widths[i]) = (share, width[i]);
+            }
+        }
         // Directions of which nobody knows anything stay so.
         made.zip_apply(&change, |m, c| {
             if m.is_finite() && c.is_finite() {
@@ -77,7 +88,7 @@ fn over_noises(
             }
         });
     }
-    made
+    (made, widths)
 }
 
 impl Numbers {
@@ -129,7 +140,8 @@ impl Numbers {
             beside[(i, i)] = 1.0;
         }
         let at_mode = covariance(&whole);
-        let covariance_of_all = over_noises(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
+        let (covariance_of_all, widths) =
+            over_noises(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
         let of_data = by_dof
             .into_iter()
             .map(|(d, normal)| (d, normal.information));
@@ -138,6 +150,7 @@ impl Numbers {
             values: natural.iter().map(|v| v.0).collect(),
             slopes,
             covariance: covariance_of_all,
+            widths,
             at_mode,
             beside_held: covariance(&beside),
             by_dof,

@@ -15,6 +15,7 @@ use hydroline_inference::noise::ln_colour;
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::{cancel, parallel};
 use nalgebra::{Cholesky, DMatrix};
+use statrs::function::erf::erf;
 
 /// Sizes of the coloured part over the white one: doublings from what a minute of samples does not see.
 const RATIOS: [f64; 7] = [0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2];
@@ -110,22 +111,34 @@ pub(crate) struct OverNoise<'a, F> {
 }
 
 impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
-    /// Change of the covariance by what is open of a DOF's noise and random force; `chosen` = its normal equations at the mode.
+    /// Change of the covariance by what is open of a DOF's noise and random force, and the half-width of each number's 95 % interval
+    /// over that of a normal error of the same sd; `chosen` = the DOF's normal equations at the mode.
     pub fn change(
         &self,
         dof: usize,
         (cell, chosen): (Cell, &Normal),
         at_mode: &DMatrix<f64>,
-    ) -> Option<DMatrix<f64>> {
+    ) -> Option<(DMatrix<f64>, Vec<f64>)> {
         let found = self.states(dof, cell, chosen);
         let best = found.iter().map(|w| w.ln_weight).reduce(f64::max)?;
-        let (mut sum, mut change) = (0.0, DMatrix::zeros(at_mode.nrows(), at_mode.ncols()));
-        for w in &found {
-            let weight = (w.ln_weight - best).exp();
-            sum += weight;
-            change += (&w.covariance - at_mode + &w.away * w.away.transpose()) * weight;
+        let weights: Vec<f64> = found.iter().map(|w| (w.ln_weight - best).exp()).collect();
+        let sum: f64 = weights.iter().sum();
+        let mut change = DMatrix::zeros(at_mode.nrows(), at_mode.ncols());
+        for (w, weight) in found.iter().zip(&weights) {
+            let of = &w.covariance - at_mode + &w.away * w.away.transpose();
+            change += of * (weight / sum);
         }
-        Some(change / sum)
+        let width = |i: usize| {
+            let parts = found.iter().zip(&weights).map(|(w, weight)| Part {
+                weight: weight / sum,
+                mean: w.away[i],
+                sd: w.covariance[(i, i)].sqrt(),
+            });
+            let parts: Vec<Part> = parts.collect();
+            relative_width(&parts)
+        };
+        let widths = (0..at_mode.nrows()).map(width).collect();
+        Some((change, widths))
     }
 
     /// States that count, from the likeliest noise on.
@@ -246,3 +259,45 @@ fn nearest(noise: Noise) -> Colour {
     };
     (near(&RATIOS, ratio), near(&TIMES_S, noise.correlation_s))
 }
+
+/// Part of a mixture of normal errors.
+struct Part {
+    weight: f64,
+    mean: f64,
+    sd: f64,
+}
+
+/// Half-width of the interval about 0 that holds 95 % of a mixture's errors, over that of a normal error of the same mean square.
+///
+/// A random force that is improbable and large makes the mean square, and hardly the interval.
+fn relative_width(parts: &[Part]) -> f64 {
+    let square: f64 = parts
+        .iter()
+        .map(|p| p.weight * (p.sd * p.sd + p.mean * p.mean))
+        .sum();
+    let sd = square.sqrt();
+    if !(sd.is_finite() && sd > 0.0) {
+        return 1.0;
+    }
+    let holds = |half: f64| -> f64 {
+        let below = |p: &Part, at: f64| erf((at - p.mean) / (2f64.sqrt() * p.sd));
+        let each = parts.iter().filter(|p| p.sd > 0.0);
+        each.map(|p| 0.5 * p.weight * (below(p, half) - below(p, -half)))
+            .sum()
+    };
+    // By Chebyshev's inequality no 95 % interval is wider.
+    let (mut low, mut high) = (0.0, sd / (1.0_f64 - 0.95).sqrt());
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match holds(middle) < 0.95 {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    high / (NORMAL_95 * sd)
+}
+
+/// Half-width of a normal 95 % interval over its sd.
+const NORMAL_95: f64 = 1.959_964;
+/// Halvings of the interval in which a half-width is looked for: to a millionth of it.
+const HALVINGS: usize = 25;
