@@ -78,6 +78,15 @@ pub(crate) fn add_budget(
             assumed.join(", ")
         ));
     }
+    let unknown = asked.fixed.iter();
+    let unknown = unknown.filter(|c| c.identified_sd(rig).is_none());
+    let unknown: Vec<&str> = unknown.map(|c| c.key()).collect();
+    if !unknown.is_empty() {
+        result.notes.push(format!(
+            "{}: fixed, and the rig states no sd (no [identified]): taken as exactly known, and nothing of it is in the intervals",
+            unknown.join(", ")
+        ));
+    }
     result.budget = lines;
     result.combine();
 }

@@ -4,6 +4,7 @@ use super::{QUICK, by_supply, reversals};
 use crate::{Options, identify};
 use hydroline_core::run::{Joined, Run};
 use hydroline_identify::Identification;
+use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::Rig;
 use std::collections::BTreeMap;
 
@@ -73,6 +74,20 @@ fn a_line_of_the_budget_is_the_change_that_its_source_makes() {
     for (key, p) in &known.parameters {
         assert!(p.combined_sd < found.parameters[key].combined_sd, "{key}");
     }
+}
+
+/// It counted as exactly known, and nothing said so.
+#[test]
+fn a_coefficient_that_is_fixed_without_an_sd_is_noted() {
+    let rig = Rig::builtin("lshpi").unwrap();
+    let with = Options {
+        budget: true,
+        fixed: vec![Coefficient::find("x_u").unwrap()],
+        ..QUICK
+    };
+    let found = identify(&[reversals(&rig, 0.0)], &rig, &with).unwrap();
+    let noted = |n: &String| n.starts_with("x_u: fixed") && n.contains("exactly known");
+    assert!(found.notes.iter().any(noted), "{:?}", found.notes);
 }
 
 /// One load from rest: X_u̇ was some sds off the truth where the thrusters have a deadband that these runs cannot show.
