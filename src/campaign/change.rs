@@ -19,6 +19,7 @@ use hydroline_identify::Identification;
 use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
+use nalgebra::{DMatrix, SymmetricEigen};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -61,6 +62,8 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, EstimateError> {
         rig,
         &Options {
             model: ModelChoice::Coupled,
+            // A prior is the same on both days, and says nothing of what lies between them.
+            flat_priors: true,
             cross_validate: false,
             budget: false,
             ..Options::default()
@@ -94,9 +97,10 @@ pub fn change(
     };
     // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
-    // Covariance of the whole fit beyond the noise's (misfit, errors that poses share) widens a day's coefficients as those before.
+    // Both sides by one estimator: what a model that is wrong does to it, both have alike.
     let noise_alone = refit(&runs_before, &start, &before, false).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
+    let reference = wider.apply(&noise_alone);
     let compared = Compared::of(&reference, &wider.apply(&as_is))
         .ok_or("no coefficient is determined on both sides")?;
     let unchanged = chi2_as_is + compared.distance(&|_, v| v);
@@ -152,39 +156,68 @@ fn at(rig: &Rig, coefficients: &Coefficients) -> Rig {
     with
 }
 
-/// Covariance of a whole fit beyond that of its noise alone.
-struct Wider(BTreeMap<(String, String), f64>);
+/// How far errors go over what the noise alone makes of them (misfit, what residuals leave open of the noise), by the days before.
+///
+/// Errors of the noise alone are e = C_n^(1/2) z; those of the whole fit are T e, where T C_n Tᵀ is its covariance and T is symmetric by
+/// the measure of C_n. A day's errors go as much farther, whatever its runs say: T C_d Tᵀ.
+struct Wider {
+    keys: Vec<String>,
+    noise_alone: DMatrix<f64>,
+    whole: DMatrix<f64>,
+}
 
 impl Wider {
     fn of(whole: &Coefficients, noise_alone: &Refitted) -> Self {
-        let at = |key: &String| noise_alone.order.iter().position(|k| k == key);
-        let mut more = BTreeMap::new();
-        for (i, a) in whole.order.iter().enumerate() {
-            for (j, b) in whole.order.iter().enumerate() {
-                if let (Some(k), Some(l)) = (at(a), at(b)) {
-                    let beyond = whole.covariance[i][j] - noise_alone.covariance[k][l];
-                    more.insert((a.clone(), b.clone()), beyond);
-                }
-            }
+        let place = |order: &[String], key: &String| order.iter().position(|k| k == key);
+        let places: Vec<(usize, usize)> = (0..whole.order.len())
+            .filter_map(|i| Some((i, place(&noise_alone.order, &whole.order[i])?)))
+            .filter(|(_, k)| noise_alone.covariance[*k][*k].is_finite())
+            .collect();
+        let n = places.len();
+        Self {
+            keys: places
+                .iter()
+                .map(|(i, _)| whole.order[*i].clone())
+                .collect(),
+            noise_alone: DMatrix::from_fn(n, n, |i, j| {
+                noise_alone.covariance[places[i].1][places[j].1]
+            }),
+            whole: DMatrix::from_fn(n, n, |i, j| whole.covariance[places[i].0][places[j].0]),
         }
-        Self(more)
+    }
+
+    /// T of these coefficients, by their places; none where the runs before do not determine them beside each other.
+    fn stretch(&self, places: &[usize]) -> Option<DMatrix<f64>> {
+        let of = |m: &DMatrix<f64>| m.select_rows(places).select_columns(places);
+        let root = of(&self.noise_alone).cholesky()?.unpack();
+        let left = root.solve_lower_triangular(&of(&self.whole))?;
+        let ratio = root.solve_lower_triangular(&left.transpose())?;
+        let mut squares = SymmetricEigen::new(ratio);
+        squares.eigenvalues.apply(|v| *v = v.max(0.0).sqrt());
+        let inverse =
+            root.solve_lower_triangular(&DMatrix::identity(places.len(), places.len()))?;
+        Some(&root * squares.recompose() * inverse)
     }
 
     /// Coefficients of a refit, of those that the whole fit knows too.
     fn apply(&self, found: &Refitted) -> Coefficients {
-        let known = |key: &String| self.0.contains_key(&(key.clone(), key.clone()));
-        let kept: Vec<usize> = (0..found.order.len())
-            .filter(|k| known(&found.order[*k]) && found.covariance[*k][*k].is_finite())
-            .collect();
-        let entry = |i: usize, j: usize| {
-            let pair = (found.order[i].clone(), found.order[j].clone());
-            found.covariance[i][j] + self.0.get(&pair).copied().unwrap_or(0.0)
+        let known = |k: &usize| {
+            let place = self.keys.iter().position(|key| *key == found.order[*k])?;
+            (found.covariance[*k][*k].is_finite()).then_some((*k, place))
         };
-        let number = |k: &usize| {
-            let key = &found.order[*k];
+        let (kept, places): (Vec<usize>, Vec<usize>) =
+            (0..found.order.len()).filter_map(|k| known(&k)).unzip();
+        let n = kept.len();
+        let alone = DMatrix::from_fn(n, n, |i, j| found.covariance[kept[i]][kept[j]]);
+        let covariance = match self.stretch(&places) {
+            Some(t) => &t * alone * t.transpose(),
+            None => alone,
+        };
+        let number = |i: usize| {
+            let key = &found.order[kept[i]];
             let number = Number {
                 value: *found.values.get(key)?,
-                sd: Some(entry(*k, *k).sqrt()),
+                sd: Some(covariance[(i, i)].sqrt()),
                 low: None,
                 high: None,
                 rig: f64::NAN,
@@ -192,11 +225,10 @@ impl Wider {
             Some((key.clone(), number))
         };
         Coefficients {
-            numbers: kept.iter().filter_map(number).collect(),
+            numbers: (0..n).filter_map(number).collect(),
             order: kept.iter().map(|k| found.order[*k].clone()).collect(),
-            covariance: kept
-                .iter()
-                .map(|i| kept.iter().map(|j| entry(*i, *j)).collect())
+            covariance: (0..n)
+                .map(|i| covariance.row(i).iter().copied().collect())
                 .collect(),
             ..Coefficients::default()
         }
@@ -314,7 +346,7 @@ struct Compared {
     before: Vec<f64>,
     day: Vec<f64>,
     /// Inverse of the sum, and the logarithm of its determinant, by Cholesky.
-    covariance: nalgebra::DMatrix<f64>,
+    covariance: DMatrix<f64>,
 }
 
 impl Compared {
@@ -335,7 +367,7 @@ impl Compared {
             return None;
         }
         let n = kept.len();
-        let covariance = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+        let covariance = DMatrix::from_fn(n, n, |a, b| {
             before.covariance[kept[a].0][kept[b].0] + day.covariance[kept[a].1][kept[b].1]
         });
         let value = |of: &Coefficients, key: &str| of.numbers.get(key).map(|n| n.value);
@@ -367,7 +399,7 @@ impl Compared {
     /// Any change of any coefficient: Δ ~ N(0, C + C_d + P), against the density that the day's own fit has at Δ = 0.
     fn anything(&self, ln_prior: f64, chi2: f64) -> Hypothesis {
         let n = self.keys.len();
-        let wide = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+        let wide = DMatrix::from_fn(n, n, |a, b| {
             let own = if a == b {
                 (ELSE_SHARE * self.before[a]).powi(2)
             } else {

@@ -11,7 +11,7 @@ use hydroline_rigs::Rig;
 use nalgebra::DMatrix;
 
 use super::fitted::Fitted;
-use super::over_noise::OverNoise;
+use super::over_noise::{NORMAL_95, OverNoise, acting};
 
 /// A direction whose information is below this share of the largest (after scaling every number to unit information) is rounding.
 const RANK: f64 = 1e-11;
@@ -19,12 +19,14 @@ const RANK: f64 = 1e-11;
 /// Values of a mode with what is known of them: the vehicle's own numbers first, then each run's start.
 pub(crate) struct Numbers {
     pub values: Vec<f64>,
+    /// Means over what is open of the noise and the random force; within what the model can have.
+    pub means: Vec<f64>,
     /// Natural number by the scaled one.
     pub slopes: Vec<f64>,
-    /// Posterior covariance over what is open of the noise and the random force; of what is held as the rig knows it.
+    /// Posterior covariance about the means, over the same; of what is held as the rig knows it.
     pub covariance: DMatrix<f64>,
-    /// Half-width of each number's 95 % interval over that of a normal error of its sd: noise and force are a mixture.
-    pub widths: Vec<f64>,
+    /// Ends of each number's 95 % interval about its mean over its sd: noise and force are a mixture.
+    pub ends: Vec<[f64; 2]>,
     /// The covariance under the chosen cells alone: what a change of the data or of a number held does to the mode.
     pub at_mode: DMatrix<f64>,
     /// The same with what is held known, and without the priors of coefficients: what the runs say.
@@ -49,51 +51,79 @@ fn covariance(of: &DMatrix<f64>) -> DMatrix<f64> {
     Covariance::of_information(of, RANK).with_infinities()
 }
 
-/// Covariance over what is open of the noises and the random forces, from that at the mode on; `whole` = the information there.
+/// Means, covariance and ends over what is open of the noises and the random forces.
+struct OverNoises {
+    means: Vec<f64>,
+    covariance: DMatrix<f64>,
+    ends: Vec<[f64; 2]>,
+}
+
+/// Of a mode with these values and covariance; `whole` = the information there, `open` = the normal equations of DOFs whose noise is open.
 fn over_noises(
-    at_mode: &DMatrix<f64>,
+    (values, at_mode): (Vec<f64>, &DMatrix<f64>),
     whole: &DMatrix<f64>,
-    by_dof: &[(usize, Normal)],
+    open: &[(usize, Normal)],
     natural: impl Fn(Normal) -> Normal + Sync,
     (fitted, all): (&Fitted, &[Simulated]),
-) -> (DMatrix<f64>, Vec<f64>) {
-    let mut made = at_mode.clone();
-    let mut widths = vec![1.0; at_mode.nrows()];
-    if !fitted.problem.noises.has_force {
-        return (made, widths);
-    }
+) -> OverNoises {
+    let mut made = OverNoises {
+        ends: vec![[-NORMAL_95, NORMAL_95]; values.len()],
+        means: values,
+        covariance: at_mode.clone(),
+    };
+    let body = &fitted.problem.body;
     // Largest change of each number's variance by one DOF: its distribution is that number's.
     let mut most = vec![0.0; at_mode.nrows()];
-    let over = OverNoise {
-        problem: &fitted.problem,
-        all,
-        whole,
-        natural,
-    };
-    for (dof, chosen) in by_dof {
+    for (dof, chosen) in open {
+        let over = OverNoise {
+            problem: &fitted.problem,
+            all: acting(all, *dof),
+            dof: *dof,
+            whole,
+            natural: &natural,
+        };
         let cell = fitted.fit.cells.misfit[*dof];
-        let Some((change, width)) = over.change(*dof, (cell, chosen), at_mode) else {
+        let Some(change) = over.change((cell, chosen), at_mode) else {
             continue;
         };
         for i in 0..most.len() {
-            let share = (change[(i, i)] / at_mode[(i, i)]).abs();
+            let share = (change.covariance[(i, i)] / at_mode[(i, i)]).abs();
             if share > most[i] {
-                (most[i], widths[i]) = (share, width[i]);
+                (most[i], made.ends[i]) = (share, change.ends[i]);
+            }
+            if change.mean[i].is_finite() {
+                made.means[i] += change.mean[i];
             }
         }
         // Directions of which nobody knows anything stay so.
-        made.zip_apply(&change, |m, c| {
+        made.covariance.zip_apply(&change.covariance, |m, c| {
             if m.is_finite() && c.is_finite() {
                 *m += c;
             }
         });
     }
-    (made, widths)
+    // No farther than the model goes: the error is then about the limit.
+    for (i, (own, (low, high))) in body.own.iter().zip(body.bounds(&[])).enumerate() {
+        let limits = [own.natural(low).0, own.natural(high).0];
+        let within = made.means[i].clamp(limits[0].min(limits[1]), limits[0].max(limits[1]));
+        made.covariance[(i, i)] += (within - made.means[i]).powi(2);
+        made.means[i] = within;
+    }
+    made
 }
 
 impl Numbers {
-    /// Of a fit; `None` where its motion is not finite.
+    /// Of a fit, over what is open of its noise and random force; `None` where its motion is not finite.
     pub fn of(fitted: &Fitted, rig: &Rig) -> Option<Numbers> {
+        Numbers::made(fitted, rig, fitted.problem.noises.has_force)
+    }
+
+    /// Of a fit under the noise and the random force that it has.
+    pub fn at_mode(fitted: &Fitted, rig: &Rig) -> Option<Numbers> {
+        Numbers::made(fitted, rig, false)
+    }
+
+    fn made(fitted: &Fitted, rig: &Rig, is_open: bool) -> Option<Numbers> {
         let (problem, fit) = (&fitted.problem, &fitted.fit);
         let body = &problem.body;
         let all = problem.simulate(&[], &fit.point)?;
@@ -140,17 +170,20 @@ impl Numbers {
             beside[(i, i)] = 1.0;
         }
         let at_mode = covariance(&whole);
-        let (covariance_of_all, widths) =
-            over_noises(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
+        let values: Vec<f64> = natural.iter().map(|v| v.0).collect();
+        let mode = (values.clone(), &at_mode);
+        let open = if is_open { &by_dof[..] } else { &[] };
+        let over = over_noises(mode, &whole, open, to_natural, (fitted, &all));
         let of_data = by_dof
             .into_iter()
             .map(|(d, normal)| (d, normal.information));
         let by_dof = of_data.collect();
         Some(Numbers {
-            values: natural.iter().map(|v| v.0).collect(),
+            values,
+            means: over.means,
             slopes,
-            covariance: covariance_of_all,
-            widths,
+            covariance: over.covariance,
+            ends: over.ends,
             at_mode,
             beside_held: covariance(&beside),
             by_dof,

@@ -5,49 +5,40 @@
 //! forces by their probabilities (law of total covariance), each with its own level, the mode under it one Newton step away.
 //! References: Patterson and Thompson 1971 (numbers integrated out); Hoeting et al. 1999, Statist. Sci. 14 (model averaging).
 
-use std::collections::{BTreeMap, BTreeSet};
+mod colour;
+mod ends;
 
-use hydroline_core::run::Channel;
+use std::collections::BTreeSet;
+
+use hydroline_core::run::{Channel, PerChannel};
 use hydroline_inference::body::Simulated;
 use hydroline_inference::fit::{Normal, Problem};
 use hydroline_inference::hyper::{CORRELATIONS_S, Cell, Noises, SIZES, filters, ln_prior};
 use hydroline_inference::noise::ln_colour;
-use hydroline_numerics::noise::Noise;
 use hydroline_numerics::{cancel, parallel};
-use nalgebra::{Cholesky, DMatrix};
-use statrs::function::erf::erf;
+use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Sizes of the coloured part over the white one: doublings from what a minute of samples does not see.
-const RATIOS: [f64; 7] = [0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2];
-/// Its correlation times \[s\]: doublings, as far as an instrument's colour is looked for.
-const TIMES_S: [f64; 5] = [0.125, 0.25, 0.5, 1.0, 2.0];
-/// Place of the time by which a noise without colour is known.
-const NO_TIME: usize = 2;
+use colour::{Colour, Grid};
+pub(crate) use ends::NORMAL_95;
+use ends::{Part, relative_ends};
+
 /// Probability that an instrument has no colour: as likely as not.
 const WHITE: f64 = 0.5;
-/// Probability over the likeliest's below which a state counts for nothing, and is not followed further.
-const LEAST: f64 = 2e-3;
+/// Share of all probability found so far below which a state is not followed further.
+const LEAST: f64 = 5e-3;
 /// States that are asked for at the most: with pose and rate of a DOF measured there would be thousands.
 const STATES_MOST: usize = 400;
-
-/// Places of a noise in [`RATIOS`] and [`TIMES_S`].
-type Colour = (usize, usize);
 
 /// A noise of pose and rate, and a random force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct State {
-    colours: [Option<Colour>; 2],
+    colours: [Colour; 2],
     cell: Cell,
 }
 
 impl State {
-    /// The same without what says nothing: the time of no colour, of no force.
+    /// The same without the time of no force, which says nothing.
     fn plain(mut self) -> State {
-        for (ratio, time) in self.colours.iter_mut().flatten() {
-            if *ratio == 0 {
-                *time = NO_TIME;
-            }
-        }
         if self.cell.size == 0 {
             self.cell.correlation = 0;
         }
@@ -55,23 +46,20 @@ impl State {
     }
 
     /// Those one step away.
-    fn neighbours(self) -> Vec<State> {
+    fn neighbours(self, grids: &[Option<Grid>; 2]) -> Vec<State> {
+        let mut made = Vec::new();
+        for (which, grid) in grids.iter().enumerate() {
+            let near = grid.iter().flat_map(|g| g.neighbours(self.colours[which]));
+            made.extend(near.map(|colour| {
+                let mut state = self;
+                state.colours[which] = colour;
+                state
+            }));
+        }
         let around = |at: usize, count: usize| {
             let below = at.checked_sub(1);
             below.into_iter().chain((at + 1 < count).then_some(at + 1))
         };
-        let mut made = Vec::new();
-        for (which, colour) in self.colours.into_iter().enumerate() {
-            let Some((ratio, time)) = colour else {
-                continue;
-            };
-            let others = around(ratio, RATIOS.len()).map(|r| (r, time));
-            for other in others.chain(around(time, TIMES_S.len()).map(|t| (ratio, t))) {
-                let mut state = self;
-                state.colours[which] = Some(other);
-                made.push(state.plain());
-            }
-        }
         let Cell { size, correlation } = self.cell;
         let sizes = around(size, SIZES.len()).flat_map(|size| {
             let all = match self.cell.size {
@@ -82,11 +70,8 @@ impl State {
         });
         let times = around(correlation, CORRELATIONS_S.len());
         let times = times.map(|correlation| Cell { size, correlation });
-        made.extend(
-            sizes
-                .chain(times)
-                .map(|cell| State { cell, ..self }.plain()),
-        );
+        let cells = sizes.chain(times);
+        made.extend(cells.map(|cell| State { cell, ..self }.plain()));
         made
     }
 }
@@ -96,107 +81,131 @@ struct Weighed {
     ln_weight: f64,
     /// Covariance under it, and the step to its mode.
     covariance: DMatrix<f64>,
-    away: nalgebra::DVector<f64>,
+    away: DVector<f64>,
 }
 
 /// A fit's mode, about which states are looked at.
 pub(crate) struct OverNoise<'a, F> {
     pub problem: &'a Problem,
-    /// Motion at the mode, with derivatives.
-    pub all: &'a [Simulated],
+    /// Motion at the mode, with the derivatives that act in the DOF.
+    pub all: Vec<Simulated>,
+    pub dof: usize,
     /// Information there, with the priors', by natural numbers.
     pub whole: &'a DMatrix<f64>,
     /// From scaled numbers to natural ones.
     pub natural: F,
 }
 
+/// What is open of a DOF's noise and random force does to the numbers.
+pub(crate) struct Change {
+    /// Of the mean: from the mode under the likeliest noise to that over all.
+    pub mean: DVector<f64>,
+    /// Of the covariance, about that mean.
+    pub covariance: DMatrix<f64>,
+    /// Ends of each number's 95 % interval about its mean, over its sd.
+    pub ends: Vec<[f64; 2]>,
+}
+
+/// Motion with the derivatives that act in a DOF: all others are read in vain for every state.
+pub(crate) fn acting(all: &[Simulated], dof: usize) -> Vec<Simulated> {
+    let both = Channel::of(dof);
+    let acts =
+        |column: &[PerChannel<f64>]| column.iter().any(|v| both.iter().any(|c| v[*c] != 0.0));
+    let of = |s: &Simulated| Simulated {
+        values: s.values.clone(),
+        columns: s.columns.iter().filter(|c| acts(&c.1)).cloned().collect(),
+    };
+    all.iter().map(of).collect()
+}
+
 impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
-    /// Change of the covariance by what is open of a DOF's noise and random force, and the half-width of each number's 95 % interval
-    /// over that of a normal error of the same sd; `chosen` = the DOF's normal equations at the mode.
+    /// Change by the DOF; `chosen` = its normal equations at the mode, `at_mode` = the covariance there.
     pub fn change(
         &self,
-        dof: usize,
         (cell, chosen): (Cell, &Normal),
         at_mode: &DMatrix<f64>,
-    ) -> Option<(DMatrix<f64>, Vec<f64>)> {
-        let found = self.states(dof, cell, chosen);
-        let best = found.iter().map(|w| w.ln_weight).reduce(f64::max)?;
-        let weights: Vec<f64> = found.iter().map(|w| (w.ln_weight - best).exp()).collect();
-        let sum: f64 = weights.iter().sum();
-        let mut change = DMatrix::zeros(at_mode.nrows(), at_mode.ncols());
+    ) -> Option<Change> {
+        let found = self.states(cell, chosen);
+        let ln_sum = ln_sum(found.iter().map(|w| w.ln_weight));
+        let n = at_mode.nrows();
+        let (mut mean, mut square) = (DVector::zeros(n), DMatrix::zeros(n, n));
+        let weights: Vec<f64> = found.iter().map(|w| (w.ln_weight - ln_sum).exp()).collect();
         for (w, weight) in found.iter().zip(&weights) {
-            let of = &w.covariance - at_mode + &w.away * w.away.transpose();
-            change += of * (weight / sum);
+            mean += &w.away * *weight;
+            square += (&w.covariance - at_mode + &w.away * w.away.transpose()) * *weight;
         }
-        let width = |i: usize| {
+        let ends = |i: usize| {
             let parts = found.iter().zip(&weights).map(|(w, weight)| Part {
-                weight: weight / sum,
-                mean: w.away[i],
+                weight: *weight,
+                mean: w.away[i] - mean[i],
                 sd: w.covariance[(i, i)].sqrt(),
             });
-            let parts: Vec<Part> = parts.collect();
-            relative_width(&parts)
+            relative_ends(&parts.collect::<Vec<Part>>())
         };
-        let widths = (0..at_mode.nrows()).map(width).collect();
-        Some((change, widths))
+        let ends = (0..n).map(ends).collect();
+        (!found.is_empty()).then(|| Change {
+            ends,
+            covariance: square - &mean * mean.transpose(),
+            mean,
+        })
     }
 
-    /// States that count, from the likeliest noise on.
-    fn states(&self, dof: usize, cell: Cell, chosen: &Normal) -> Vec<Weighed> {
-        let channels = Channel::of(dof);
-        let known = channels.map(|c| self.problem.noises.channels[c]);
-        let begin = |colour: fn(Noise) -> Colour, cell: Cell| State {
-            colours: known.map(|n| n.map(colour)),
+    /// States that count, from the likeliest noise and from none of anything on.
+    fn states(&self, cell: Cell, chosen: &Normal) -> Vec<Weighed> {
+        let grids = Channel::of(self.dof).map(|c| self.problem.noises.channels[c].map(Grid::of));
+        let mut asked: BTreeSet<State> = BTreeSet::new();
+        let likeliest = State {
+            colours: grids.map(|g| g?.likeliest),
             cell,
         };
-        let mut asked: BTreeSet<State> = BTreeSet::new();
-        let mut edge = BTreeSet::from([
-            begin(nearest, cell).plain(),
-            begin(|_| (0, NO_TIME), Cell::default()).plain(),
-        ]);
-        let mut found: BTreeMap<State, Weighed> = BTreeMap::new();
+        let plain = State {
+            colours: [None; 2],
+            cell: Cell::default(),
+        };
+        let mut edge = BTreeSet::from([likeliest.plain(), plain]);
+        let mut found: Vec<Weighed> = Vec::new();
         while !edge.is_empty() && asked.len() < STATES_MOST {
             cancel::check();
             let next: Vec<State> = edge.iter().copied().collect();
-            let made = parallel::map_slice(&next, |s| self.weighed(dof, *s, chosen));
+            let made = parallel::map_slice(&next, |s| self.weighed(&grids, *s, chosen));
             asked.extend(next.iter().copied());
             let there = next.into_iter().zip(made);
             let new: Vec<(State, Weighed)> = there.filter_map(|(s, w)| Some((s, w?))).collect();
-            let all = found.values().chain(new.iter().map(|n| &n.1));
-            let best = all.map(|w| w.ln_weight).fold(f64::NEG_INFINITY, f64::max);
-            let counts = new.iter().filter(|n| n.1.ln_weight > best + LEAST.ln());
-            edge = counts.flat_map(|n| n.0.neighbours()).collect();
+            let all = found.iter().chain(new.iter().map(|n| &n.1));
+            let least = ln_sum(all.map(|w| w.ln_weight)) + LEAST.ln();
+            let counts = new.iter().filter(|n| n.1.ln_weight > least);
+            edge = counts.flat_map(|n| n.0.neighbours(&grids)).collect();
             edge.retain(|s| !asked.contains(s));
-            found.extend(new);
+            found.extend(new.into_iter().map(|n| n.1));
         }
-        found.into_values().collect()
+        found
     }
 
     /// The instruments of a state, as loud as the white part that was found.
-    fn noises(&self, dof: usize, state: &State) -> Noises {
+    fn noises(&self, grids: &[Option<Grid>; 2], state: &State) -> Noises {
         let mut noises = self.problem.noises.clone();
-        for (c, colour) in Channel::of(dof).into_iter().zip(state.colours) {
-            if let Some((noise, (ratio, time))) = noises.channels[c].as_mut().zip(colour) {
-                noise.coloured_sd = RATIOS[ratio] * noise.white_sd;
-                noise.correlation_s = TIMES_S[time];
-            }
+        for (c, (grid, colour)) in Channel::of(self.dof)
+            .into_iter()
+            .zip(grids.iter().zip(state.colours))
+        {
+            noises.channels[c] = grid.map(|g| g.noise(colour));
         }
         noises
     }
 
     /// Log prior of a state.
-    fn ln_prior(&self, state: &State) -> f64 {
+    fn ln_prior(&self, grids: &[Option<Grid>; 2], state: &State) -> f64 {
         let prior = &self.problem.body.prior;
-        let of = |(ratio, time): Colour| match ratio {
-            0 => WHITE.ln(),
+        let of = |(grid, colour): (&Grid, Colour)| match colour {
+            None => WHITE.ln(),
             // A place of the grid is a doubling of either.
-            _ => {
-                (1.0 - WHITE).ln()
-                    + ln_colour(RATIOS[ratio], TIMES_S[time], prior)
-                    + 2.0 * 2f64.ln().ln()
+            Some(c) => {
+                let (ratio, time_s) = grid.at(c);
+                (1.0 - WHITE).ln() + ln_colour(ratio, time_s, prior) + 2.0 * 2f64.ln().ln()
             }
         };
-        let colours: f64 = state.colours.into_iter().flatten().map(of).sum();
+        let each = grids.iter().zip(state.colours);
+        let colours: f64 = each.filter_map(|(g, c)| Some(of((g.as_ref()?, c)))).sum();
         let force = ln_prior(state.cell, prior);
         let times = match state.cell.size {
             0 => (CORRELATIONS_S.len() as f64).ln(),
@@ -206,14 +215,14 @@ impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
     }
 
     /// Probability of a state, its level chosen, and what it says; `None` where its information is singular.
-    fn weighed(&self, dof: usize, state: State, chosen: &Normal) -> Option<Weighed> {
+    fn weighed(&self, grids: &[Option<Grid>; 2], state: State, chosen: &Normal) -> Option<Weighed> {
         let (problem, n) = (self.problem, self.whole.nrows());
-        let noises = self.noises(dof, &state);
-        let filters = filters(&problem.body, &problem.worth, &noises, dof, state.cell);
-        let normal = (self.natural)(problem.normal_with(self.all, dof, &filters, n));
+        let noises = self.noises(grids, &state);
+        let filters = filters(&problem.body, &problem.worth, &noises, self.dof, state.cell);
+        let normal = (self.natural)(problem.normal_with(&self.all, self.dof, &filters, n));
         let count = normal.used as f64;
         let ln_variance = 2.0 * normal.cost - normal.energy;
-        let least = self.least_level(dof, &noises);
+        let least = self.least_level(&noises);
         // Level of noise and force together: its restricted likelihood is the largest where the energy left is one a sample.
         let mut level2 = 1.0_f64;
         let mut made = None;
@@ -232,15 +241,15 @@ impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
         }
         let (cost, covariance, away) = made?;
         Some(Weighed {
-            ln_weight: self.ln_prior(&state) - 0.5 * cost,
+            ln_weight: self.ln_prior(grids, &state) - 0.5 * cost,
             covariance,
             away,
         })
     }
 
     /// Square of the least level: no noise is below what was measured at rest.
-    fn least_level(&self, dof: usize, noises: &Noises) -> f64 {
-        let each = Channel::of(dof).into_iter().filter_map(|c| {
+    fn least_level(&self, noises: &Noises) -> f64 {
+        let each = Channel::of(self.dof).into_iter().filter_map(|c| {
             let (now, rest) = noises.channels[c].zip(noises.at_rest[c])?;
             Some((rest.total_sd() / now.total_sd()).powi(2))
         });
@@ -248,56 +257,8 @@ impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
     }
 }
 
-/// Place of the colour that is nearest to a noise's.
-fn nearest(noise: Noise) -> Colour {
-    let ratio = noise.coloured_sd / noise.white_sd;
-    let near = |all: &[f64], value: f64| {
-        let apart = |v: &f64| (v.max(0.05) / value.max(0.05)).ln().abs();
-        let each = all.iter().enumerate();
-        each.min_by(|a, b| apart(a.1).total_cmp(&apart(b.1)))
-            .map_or(0, |(i, _)| i)
-    };
-    (near(&RATIOS, ratio), near(&TIMES_S, noise.correlation_s))
+/// Log of the sum of what these are the logs of.
+fn ln_sum(all: impl Iterator<Item = f64> + Clone) -> f64 {
+    let most = all.clone().fold(f64::NEG_INFINITY, f64::max);
+    most + all.map(|v| (v - most).exp()).sum::<f64>().ln()
 }
-
-/// Part of a mixture of normal errors.
-struct Part {
-    weight: f64,
-    mean: f64,
-    sd: f64,
-}
-
-/// Half-width of the interval about 0 that holds 95 % of a mixture's errors, over that of a normal error of the same mean square.
-///
-/// A random force that is improbable and large makes the mean square, and hardly the interval.
-fn relative_width(parts: &[Part]) -> f64 {
-    let square: f64 = parts
-        .iter()
-        .map(|p| p.weight * (p.sd * p.sd + p.mean * p.mean))
-        .sum();
-    let sd = square.sqrt();
-    if !(sd.is_finite() && sd > 0.0) {
-        return 1.0;
-    }
-    let holds = |half: f64| -> f64 {
-        let below = |p: &Part, at: f64| erf((at - p.mean) / (2f64.sqrt() * p.sd));
-        let each = parts.iter().filter(|p| p.sd > 0.0);
-        each.map(|p| 0.5 * p.weight * (below(p, half) - below(p, -half)))
-            .sum()
-    };
-    // By Chebyshev's inequality no 95 % interval is wider.
-    let (mut low, mut high) = (0.0, sd / (1.0_f64 - 0.95).sqrt());
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        match holds(middle) < 0.95 {
-            true => low = middle,
-            false => high = middle,
-        }
-    }
-    high / (NORMAL_95 * sd)
-}
-
-/// Half-width of a normal 95 % interval over its sd.
-const NORMAL_95: f64 = 1.959_964;
-/// Halvings of the interval in which a half-width is looked for: to a millionth of it.
-const HALVINGS: usize = 25;

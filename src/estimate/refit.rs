@@ -101,7 +101,7 @@ pub fn refit(
         held: Vec::new(),
         fits: 1,
     };
-    let numbers = Numbers::of(&fitted, rig).ok_or_else(diverged)?;
+    let numbers = Numbers::at_mode(&fitted, rig).ok_or_else(diverged)?;
     let predicted = fitted.problem.predicted(&[], &fitted.fit.point);
     let left = fitted.problem.left_by_run(&predicted);
     // Clocks stand behind the coefficients.
