@@ -484,7 +484,7 @@ impl Hypothesis {
             }
             tried.push((vertex, objective(vertex)));
         }
-        let curvature = parabola(&mut tried).map_or(0.0, |(_, c)| c);
+        let curvature = parabola(&mut tried).map_or_else(|| secant(&tried), |(_, c)| c);
         let (value, least) = tried.first().copied().unwrap_or((f64::NAN, f64::INFINITY));
         // J about its least is (s - s0)² / sd²; wider than the prior it cannot be.
         let sd = (1.0 / curvature.max(1e-12).sqrt()).min(THRUSTER[1] - THRUSTER[0]);
@@ -514,6 +514,17 @@ fn parabola(points: &mut [(f64, f64)]) -> Option<(f64, f64)> {
     let (slope, other) = ((fb - fa) / (b - a), (fc - fa) / (c - a));
     let curvature = (slope - other) / (b - c);
     (curvature > 0.0 && fc.is_finite()).then(|| (0.5 * (a + b - slope / curvature), curvature))
+}
+
+/// Curvature of a parabola about the best of the points through the nearest other one. Three that have no least between them (a fit
+/// that ended early is among them) are no likelihood that is flat.
+fn secant(points: &[(f64, f64)]) -> f64 {
+    let Some(((best, least), others)) = points.split_first() else {
+        return 0.0;
+    };
+    let far = |p: &&(f64, f64)| (p.0 - best).abs();
+    let nearest = others.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+    nearest.map_or(0.0, |p| (p.1 - least) / far(&p).powi(2))
 }
 
 /// Golden section search (Kiefer 1953).
@@ -629,6 +640,45 @@ mod tests {
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
     }
 
+    /// The difference of two covariances was added to a day's: where the whole fit is surer than the noise taken, less than none was left.
+    #[test]
+    fn errors_of_a_day_are_stretched_as_those_before_and_stay_errors() {
+        let refitted = |covariance: [[f64; 2]; 2]| Refitted {
+            values: BTreeMap::from([("x_u".to_owned(), -20.0), ("x_uu".to_owned(), -200.0)]),
+            order: vec!["x_u".to_owned(), "x_uu".to_owned()],
+            covariance: covariance.map(Vec::from).to_vec(),
+            runs: Vec::new(),
+        };
+        let before = refitted([[4.0, -3.0], [-3.0, 9.0]]);
+        for scale in [0.25, 2.0] {
+            let whole = Coefficients {
+                order: before.order.clone(),
+                covariance: [[4.0, -3.0], [-3.0, 9.0]]
+                    .map(|row| row.map(|v| scale * v).to_vec())
+                    .to_vec(),
+                ..Coefficients::default()
+            };
+            let wider = Wider::of(&whole, &before);
+            let day = wider.apply(&refitted([[1.0, 0.5], [0.5, 2.0]]));
+            for (i, j, alone) in [(0, 0, 1.0), (0, 1, 0.5), (1, 1, 2.0)] {
+                let found = day.covariance[i][j];
+                assert!(
+                    (found - scale * alone).abs() < 1e-9,
+                    "{scale} {i} {j} {found}"
+                );
+            }
+        }
+        // In one direction only: x_u's error is three times as far, its share of the other's as well.
+        let whole = Coefficients {
+            order: before.order.clone(),
+            covariance: vec![vec![36.0, -9.0], vec![-9.0, 9.0]],
+            ..Coefficients::default()
+        };
+        let again = Wider::of(&whole, &before).apply(&before);
+        assert!((again.covariance[0][0] - 36.0).abs() < 1e-9);
+        assert!((again.covariance[0][1] + 9.0).abs() < 1e-9);
+    }
+
     #[test]
     fn a_number_is_printed_to_the_digits_of_its_sd() {
         assert_eq!(with_sd(2.00312, 0.0123), "2.003 ± 0.012");
@@ -651,6 +701,19 @@ mod tests {
         );
         assert!((found.value - 0.6).abs() < 3e-4, "{}", found.value);
         assert!((found.sd / 1e-3 - 1.0).abs() < 0.1, "{}", found.sd);
+    }
+
+    /// A day that was as the one before became undecided: "h_fore_port gives 1.0 ± 1.2 of its thrust".
+    #[test]
+    fn a_search_whose_trials_have_no_parabola_is_no_flat_likelihood() {
+        let objective = |s: f64| 500.0 + 1000.0 * (s - 1.0).abs().sqrt();
+        let what = || What::Thruster("a".to_owned());
+        let found = Hypothesis::searched(what(), 0.0, &objective, objective(1.0));
+        assert!(found.value == 1.0 && found.sd < 0.02, "{}", found.sd);
+        // Where no fit but that of the whole thrust is possible, no other share has any probability.
+        let alone = |_: f64| f64::INFINITY;
+        let found = Hypothesis::searched(what(), 0.0, &alone, 500.0);
+        assert!(found.value == 1.0 && found.ln == f64::NEG_INFINITY);
     }
 
     #[test]
