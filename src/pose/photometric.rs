@@ -24,7 +24,6 @@ mod picture;
 mod plan;
 mod pose_geometry;
 mod response;
-mod structure;
 mod sums;
 mod visibility;
 

@@ -483,7 +483,6 @@ impl<'a> Counter<'a> {
                     },
                     residual,
                     noise_sd,
-                    weight * of_variance,
                 );
             }
             _ => self.skip(),
