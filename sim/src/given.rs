@@ -20,6 +20,18 @@ struct Piece {
     by_power: [f64; 4],
 }
 
+impl Piece {
+    fn at<T: Real>(&self, t_s: T) -> T {
+        let [a, b, c, d] = self.by_power;
+        // Before the first knot there is no time since the last one.
+        if b == 0.0 && c == 0.0 && d == 0.0 {
+            return T::from_f64(a);
+        }
+        let s = t_s - T::from_f64(self.t_s);
+        ((s * d + T::from_f64(c)) * s + T::from_f64(b)) * s + T::from_f64(a)
+    }
+}
+
 /// A smooth curve over time: cubic between knots of given value and slope (Hermite); beyond its ends it stays where it ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
@@ -85,16 +97,10 @@ impl Curve {
         let Some(piece) = self.piece_at(t_s.value()) else {
             return T::zero();
         };
-        let [a, b, c, d] = piece.by_power;
-        if b == 0.0 && c == 0.0 && d == 0.0 {
-            return T::from_f64(a);
+        match t_s.constant() {
+            Some(t_s) => T::from_f64(piece.at(t_s)),
+            None => piece.at(t_s),
         }
-        if let Some(t_s) = t_s.constant() {
-            let s = t_s - piece.t_s;
-            return T::from_f64(((s * d + c) * s + b) * s + a);
-        }
-        let s = t_s - T::from_f64(piece.t_s);
-        ((s * d + T::from_f64(c)) * s + T::from_f64(b)) * s + T::from_f64(a)
     }
 
     /// First and second derivative at a time; 0 where the curve stays.

@@ -203,7 +203,7 @@ impl<T: Real> Model<T> {
         let mut force = equations::restoring(h, [attitude.phi.0, sin_theta], tilt);
         if let Some(statics) = &h.hydrostatics {
             let water = equations::hydrostatics(statics, eta, coupled);
-            add_to(&mut force, &water);
+            force = std::array::from_fn(|i| force[i] + water[i]);
         }
         if coupled {
             equations::add_coriolis(h, &own_mass, nu, &is_free, &mut force);
@@ -269,12 +269,5 @@ impl<T: Real> Model<T> {
             sum.add(&slope, sixth, own);
             state.set(&sum, own);
         }
-    }
-}
-
-/// Adds one force to another.
-fn add_to<T: Real>(force: &mut [T; 6], more: &[T; 6]) {
-    for (f, m) in force.iter_mut().zip(more) {
-        *f = *f + *m;
     }
 }

@@ -45,7 +45,7 @@ pub struct Args {
     /// the same
     #[arg(long, value_name = "RIG")]
     rig: Option<String>,
-    /// Log that is predicted and never fitted (repeatable): it chooses nothing and shows how well the verdict predicts;
+    /// Log that is predicted and never fitted (repeatable): an effect that predicts it worse is in no model;
     /// without any, each run is predicted by the others. LOG@34..64 is a window of one
     #[arg(long, value_name = "LOG")]
     hold_out: Vec<Part>,

@@ -1,7 +1,7 @@
 //! The verdict by one likelihood over all DOFs (`hydroline_inference`): logs to posterior, posterior to words.
 //!
 //! All logs given are fitted, in any order: they are sorted by their content first, so that not even rounding depends on
-//! it. Runs held out are predicted and choose nothing.
+//! it. Runs held out are predicted and not fitted.
 
 mod ablation;
 mod discrepancy;

@@ -109,7 +109,7 @@ fn show(v: &Verdict) {
 }
 
 /// Damping that grows faster than the rate and restoring that is no straight line, each of which gains what the other does
-/// not; the runs held out choose nothing.
+/// not; the runs held out are not fitted.
 #[test]
 #[ignore = "minutes of processor time: tests/nightly"]
 fn the_rolling_ship_lacks_nonlinear_damping_and_restoring() {

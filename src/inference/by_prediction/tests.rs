@@ -1,11 +1,13 @@
 //! Findings by the simulation error in runs that are simulated.
 
 use super::*;
+use crate::hyper::Tables;
 use crate::limit::Limit;
 use crate::prior::PriorTable;
 use crate::recording::Recording;
 use crate::search::{Options, search};
 use crate::tests::fixtures::{Tank, entry};
+use hydroline_core::run::Channel;
 use hydroline_rigs::PhysicsEntry;
 
 fn problem(effects: Vec<PhysicsEntry>, white_m: f64) -> Problem {

@@ -195,8 +195,8 @@ def diagnose(
         window of one, in seconds since its first stamp
     rig: Rig file or built-in name: the model that is asked what it left out. Without it the rig that the logs
         carry, where all carry the same
-    hold_out: Log that is predicted and never fitted (repeatable): it chooses nothing and shows how well the verdict
-        predicts; without any, each run is predicted by the others. LOG@34..64 is a window of one
+    hold_out: Log that is predicted and never fitted (repeatable): an effect that predicts it worse is in no model;
+        without any, each run is predicted by the others. LOG@34..64 is a window of one
     other_rig: Takes logs whose own rig is another vehicle (name, mass or thrusters): after a change to the rig file
         that is right for these logs too
     accept_faults: Goes on although the data are at fault: what stands in the verdict then may be the fault's doing

@@ -316,8 +316,8 @@ impl SimAutopilot {
 
 /// First of a queue, where its time has come.
 fn due(queue: &mut VecDeque<(u64, Vec<u8>)>, now_ns: u64) -> Option<(u64, Vec<u8>)> {
-    queue
-        .front()
-        .is_some_and(|b| b.0 <= now_ns)
-        .then(|| queue.pop_front())?
+    match queue.front()?.0 <= now_ns {
+        true => queue.pop_front(),
+        false => None,
+    }
 }
