@@ -115,12 +115,6 @@ kinds! {
     };
     CAMERA_SOURCE "camera.source" [Info]
         "The message describes, as JSON, the camera that came back (camera.replugged): it may have been set up otherwise." {};
-    POSE_WAITING "pose.waiting" [Warning]
-        "No pose for a second after there were some, and what is waited for; once until the pose is back." {
-        "since_s" ["s"] "time since the last pose",
-        "x_m" ["m"] "where x is carried to by vehicle and commands",
-        "x_sd_m" ["m"] "standard deviation of that",
-    };
     CAMERA_RESPONSE "camera.response" [Info, Warning]
         "The camera's response and the line's cross-section, as the first frames over the target show them; every pose is fitted under it. A warning where they do not show it, or contradict the rig." {
         "ln_gamma" [""] "ln γ of g = b + 255 (L/255)^γ",
@@ -139,5 +133,11 @@ kinds! {
         "rig_states" [""] "1 where the rig states the camera's curve; else absent",
         "frames_ln_gamma" [""] "where the rig states the curve: ln γ as the frames alone say it",
         "frames_ln_gamma_sd" [""] "its standard deviation",
+    };
+    POSE_WAITING "pose.waiting" [Warning]
+        "No pose for a second after there were some, and what is waited for; once until the pose is back." {
+        "since_s" ["s"] "time since the last pose",
+        "x_m" ["m"] "where x is carried to by vehicle and commands",
+        "x_sd_m" ["m"] "standard deviation of that",
     };
 }
