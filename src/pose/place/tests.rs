@@ -94,8 +94,8 @@ fn commands_carry_a_vehicle_over_a_gap_and_narrow_it() {
     let mut place = Place::new(&rig, Some(PERIOD_M), [0.0, 6.0 * PERIOD_M]);
     place.command(ns(0.0), "surge", 8.0);
     place.begin(ns(0.0));
-    for k in 0..=20 {
-        place.update(ns(k as f64 * 0.1), xs[k], SD2, 0.0);
+    for (k, x_m) in xs[..=20].iter().enumerate() {
+        place.update(ns(k as f64 * 0.1), *x_m, SD2, 0.0);
     }
     // Two and a half seconds later, half a repetition on.
     let carried = place.carried(ns(4.5));
