@@ -20,6 +20,7 @@ use nalgebra::DMatrix;
 use super::asked::Asked;
 use super::fitted::Fitted;
 use super::numbers::Numbers;
+use super::over_noise::NORMAL_95;
 use super::profiles::profiles;
 
 /// Relative sd above which a coefficient is weakly determined: the interval comes from the profile.
@@ -167,7 +168,7 @@ impl Concluding<'_> {
         let bounds = problem.body.bounds(&[]);
         for (i, c) in self.asked.coefficients.iter().enumerate() {
             let place = self.place(*c);
-            let value = place.map_or(c.of_vehicle(&self.rig.vehicle), |p| self.numbers.values[p]);
+            let value = place.map_or(c.of_vehicle(&self.rig.vehicle), |p| self.numbers.means[p]);
             let sd = block[(i, i)].sqrt();
             // Without priors, what is held is as uncertain as the rig says, and with it what hangs on it.
             let of_runs = match problem.body.prior.is_flat() {
@@ -181,9 +182,13 @@ impl Concluding<'_> {
             // A profile is that of the chosen random force.
             let alone = place.map_or(sd, |p| self.numbers.at_mode[(p, p)].sqrt());
             // What all samples have alike widens a profile as it widens the sd.
+            let normal = [-NORMAL_95, NORMAL_95];
+            let ends = place.map_or(normal, |p| self.numbers.ends[p]);
+            let [below, above] = ends.map(|e| e.abs() / NORMAL_95);
+            let mode = place.map_or(value, |p| self.numbers.values[p]);
             let profile = place.and_then(|p| profiles.remove(&p)).map(|p| Profile {
-                low: value + (p.low - value) * sd / alone,
-                high: value + (p.high - value) * sd / alone,
+                low: value + (p.low - mode) * below * sd / alone,
+                high: value + (p.high - mode) * above * sd / alone,
                 ..p
             });
             let finite = sd.is_finite().then_some(sd);
@@ -204,10 +209,10 @@ impl Concluding<'_> {
                 largest_share: None,
                 low: profile
                     .map(|p| p.low)
-                    .or(finite.map(|sd| value - quantile * sd)),
+                    .or(finite.map(|sd| value - quantile * below * sd)),
                 high: profile
                     .map(|p| p.high)
-                    .or(finite.map(|sd| value + quantile * sd)),
+                    .or(finite.map(|sd| value + quantile * above * sd)),
                 profile,
                 rig: c.of_vehicle(&self.rig.vehicle),
                 excited,
@@ -368,7 +373,7 @@ impl Concluding<'_> {
             let start = problem.body.starts[i].iter().enumerate().map(|(k, c)| {
                 let at = places[i] + k;
                 let sd = whole[(at, at)].sqrt();
-                let value = (self.numbers.values[at], sd.is_finite().then_some(sd));
+                let value = (self.numbers.means[at], sd.is_finite().then_some(sd));
                 (format!("{}.start", c.name()), value)
             });
             result.runs.push(RunSummary {
