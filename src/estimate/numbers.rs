@@ -72,6 +72,8 @@ fn over_noises(
         covariance: at_mode.clone(),
     };
     let body = &fitted.problem.body;
+    let is_held = |i: &usize| fitted.is_held(&body.own[*i]);
+    let held: Vec<usize> = (0..body.own.len()).filter(is_held).collect();
     // Largest change of each number's variance by one DOF: its distribution is that number's.
     let mut most = vec![0.0; at_mode.nrows()];
     for (dof, chosen) in open {
@@ -80,6 +82,7 @@ fn over_noises(
             all: acting(all, *dof),
             dof: *dof,
             whole,
+            held: &held,
             natural: &natural,
         };
         let cell = fitted.fit.cells.misfit[*dof];

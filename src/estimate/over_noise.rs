@@ -92,6 +92,8 @@ pub(crate) struct OverNoise<'a, F> {
     pub dof: usize,
     /// Information there, with the priors', by natural numbers.
     pub whole: &'a DMatrix<f64>,
+    /// Numbers that are held: as uncertain as that says, and no noise moves them.
+    pub held: &'a [usize],
     /// From scaled numbers to natural ones.
     pub natural: F,
 }
@@ -228,23 +230,35 @@ impl<F: Fn(Normal) -> Normal + Sync> OverNoise<'_, F> {
         let mut made = None;
         for _ in 0..2 {
             let information = self.whole - &chosen.information + &normal.information / level2;
-            let root = Cholesky::new(information)?;
-            let push = &normal.gradient / level2 - &chosen.gradient;
+            let mut push = &normal.gradient / level2 - &chosen.gradient;
+            let root = Cholesky::new(self.beside_held(&information, &mut push))?;
             let away = root.solve(&push);
             let gain = away.dot(&push);
-            let free = away.len() as f64;
+            let free = (n - self.held.len()) as f64;
             let energy = (normal.energy - gain * level2).max(f64::MIN_POSITIVE);
             let ln_determinant: f64 = root.l_dirty().diagonal().iter().map(|v| 2.0 * v.ln()).sum();
             let cost = energy / level2 + count * level2.ln() + ln_variance + ln_determinant;
-            made = Some((cost, root.inverse(), away));
+            made = Some((cost, information, away));
             level2 = (energy / (count - free).max(1.0)).max(least);
         }
-        let (cost, covariance, away) = made?;
+        let (cost, information, away) = made?;
         Some(Weighed {
             ln_weight: self.ln_prior(grids, &state) - 0.5 * cost,
-            covariance,
+            covariance: Cholesky::new(information)?.inverse(),
             away,
         })
+    }
+
+    /// Information and gradient under which what is held stays.
+    fn beside_held(&self, information: &DMatrix<f64>, push: &mut DVector<f64>) -> DMatrix<f64> {
+        let mut beside = information.clone();
+        for i in self.held {
+            beside.fill_row(*i, 0.0);
+            beside.fill_column(*i, 0.0);
+            beside[(*i, *i)] = 1.0;
+            push[*i] = 0.0;
+        }
+        beside
     }
 
     /// Square of the least level: no noise is below what was measured at rest.

@@ -4,6 +4,10 @@
 mod budget;
 #[path = "tests/unit/coverage.rs"]
 mod coverage;
+#[path = "tests/unit/ensembles.rs"]
+mod ensembles;
+#[path = "tests/unit/kept.rs"]
+mod kept;
 #[path = "tests/unit/tank.rs"]
 mod tank;
 

@@ -10,6 +10,7 @@ use super::body::Simulated;
 use super::fit::{Normal, Problem, ln_determinant};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, Forces, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
+use super::prior::PriorTable;
 use super::table::TableCell;
 use hydroline_numerics::{cancel, parallel};
 
@@ -141,7 +142,7 @@ impl<'a> Equations<'a> {
             }
             for &d in dofs {
                 loop {
-                    let around = neighbours(cells.misfit[d]);
+                    let around = neighbours(cells.misfit[d], &self.problem.body.prior);
                     let asked: Vec<(usize, Cell)> = around.iter().map(|c| (d, *c)).collect();
                     self.ask(all, &asked);
                     let mut next = None;
@@ -250,7 +251,9 @@ fn beside(ln: f64) -> f64 {
     ln.min(0.0).exp()
 }
 
-fn neighbours(cell: Cell) -> Vec<Cell> {
+/// Cells one step away; where the model may be exact none at all is one of them, for between it and a force that shows lie sizes
+/// that are less likely than either.
+fn neighbours(cell: Cell, prior: &PriorTable) -> Vec<Cell> {
     let Cell { size, correlation } = cell;
     let mut made = Vec::new();
     let mut push = |size: usize, correlation: usize| {
@@ -263,6 +266,9 @@ fn neighbours(cell: Cell) -> Vec<Cell> {
     if size > 0 {
         push(size, correlation + 1);
         push(size, correlation.wrapping_sub(1));
+    }
+    if size > 1 && prior.exact > 0.0 {
+        push(0, correlation);
     }
     made
 }

@@ -2,7 +2,7 @@
 
 use hydroline_core::run::{Channel, Command, Joined, PerChannel, Run, Sample};
 use hydroline_identify::parameter::Coefficient;
-use hydroline_rigs::{Dof, Rig, Vehicle};
+use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
 use hydroline_sim::{EffectStack, Trajectory, vehicle::Hydrodynamics};
 use rand::{RngExt, rngs::StdRng};
@@ -39,7 +39,7 @@ impl Noise {
 #[derive(Debug, Clone)]
 pub struct Truth {
     pub vehicle: Vehicle,
-    pub effects: Vec<hydroline_rigs::PhysicsEntry>,
+    pub effects: Vec<PhysicsEntry>,
     /// What arrives of a load.
     pub thrust_share: f64,
     /// What is measured of a length.
@@ -149,4 +149,15 @@ fn run(truth: &Truth, index: usize, plan: Plan, noise: Noise, rng: &mut StdRng) 
         });
     }
     run
+}
+
+/// An effect in surge with one number.
+pub fn surge_effect(effect: &str, name: &str, value: f64) -> PhysicsEntry {
+    PhysicsEntry {
+        effect: effect.to_owned(),
+        parameters: vec![
+            ("dof".to_owned(), ParameterValue::Word("surge".to_owned())),
+            (name.to_owned(), ParameterValue::Number(value)),
+        ],
+    }
 }
