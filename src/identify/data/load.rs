@@ -266,18 +266,9 @@ fn finite<const N: usize>(given: [Option<f64>; N], not_finite: &mut usize) -> [f
     given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN))
 }
 
-/// Covariance of the pose's own error: as sent, less what all poses share; `None` = none, or no matrix of numbers.
+/// Covariance of the pose's own error; `None` = none, or no matrix of numbers.
 pub(super) fn covariance(m: &pb::VehicleMotion) -> Option<Box<[f64; 36]>> {
-    let mut own = <[f64; 36]>::try_from(m.covariance.as_slice())
-        .ok()
-        .filter(|c| c.iter().all(|v| v.is_finite()))
-        .map(Box::new)?;
-    for by in SharedErrors::of_rows(&m.shared_loadings).iter().flatten() {
-        for (k, v) in own.iter_mut().enumerate() {
-            *v -= by[k / 6] * by[k % 6];
-        }
-    }
-    Some(own)
+    m.own_covariance().map(Box::new)
 }
 
 /// What shared errors do to a pose; `None` = nothing is stated.

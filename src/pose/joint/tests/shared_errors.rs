@@ -1,6 +1,7 @@
 //! What a map's errors do to the pose, beside the pose that a displaced map gives.
 
 use super::*;
+use crate::photometric::{Choice, EdgeModelError, RunParameters, Weighting};
 use hydroline_calib::Calibration;
 use hydroline_calib::plane::PlanePoint;
 use nalgebra::{DMatrix, Matrix2, Matrix2xX};
@@ -58,60 +59,116 @@ fn seen_by(rig: &Rig, image: &GreyImage, by: [f64; 4]) -> JointPose {
     fitter.fit(image, &profile, &hint).unwrap()
 }
 
-/// A map whose true points are displaced by so much gives a pose that is off by as much as loadings state: over the independent
-/// displacements their covariance is that of the parameters, each of which moves the pose by itself.
+fn at_sds(k: usize, sds: f64) -> [f64; 4] {
+    let mut by = [0.0; 4];
+    by[k] = sds * SDS[k];
+    by
+}
+
+/// Poses all over a hexagon.
+fn poses() -> impl Iterator<Item = Pose> {
+    (0..6).map(|k| {
+        let k = f64::from(k);
+        Pose {
+            x_m: 0.2 + 0.02 * k,
+            phi_rad: 0.008 * k - 0.02,
+            theta_rad: 0.004 * k - 0.008,
+            psi_rad: 0.024 * k - 0.08,
+            ..POSE
+        }
+    })
+}
+
+/// The same pixels pull at the pose, under a displaced map, as much more as the sums say.
+#[test]
+fn a_displaced_map_pulls_as_its_shift_of_the_vehicle_does() {
+    let rig = lshpi_rig();
+    for pose in poses() {
+        let image = frame(&rig, &pose);
+        let fit = seen_by(&rig, &image, [0.0; 4]);
+        let exact = IdealMap::of(&rig);
+        let fitter = PoseFitter::new(
+            &rig,
+            Arc::new(Displaced {
+                exact,
+                by: [0.0; 4],
+            }),
+        );
+        let state = State {
+            pose: fit.pose,
+            brightness: fit.brightness,
+            thickness_m: fit.thickness_m,
+            background: fit.background,
+            tone: fit.tone,
+            black: fit.black,
+            across: fit.across,
+            uneven: fit.uneven,
+        };
+        let weighting = Weighting {
+            noise_sd: fit.noise_sd,
+            cut: 1e6,
+            redescending: false,
+            response: photometric::Response::new([fit.tone, fit.black], fitter.ceiling),
+            run_parameters: RunParameters::Known,
+            even: false,
+        };
+        let plan = fitter.model.plan(&state, Choice::ALL);
+        let picture = Picture::plain(&image.pixels, fitter.ceiling);
+        let sums = |by: [f64; 4]| {
+            let exact = IdealMap::of(&rig);
+            let map = Displaced { exact, by };
+            let table = SheetTable::new(&map, &rig.camera, &rig.mounts);
+            let model = fitter.model.seen_by(Arc::new(table));
+            let none = &mut EdgeModelError::default();
+            model.compare(&plan, &picture, &state, &weighting, none, true)
+        };
+        let mut pulled = nalgebra::Matrix6::zeros();
+        for k in 0..4 {
+            let [on, back] = [0.2, -0.2].map(|sds| sums(at_sds(k, sds)).gradient);
+            let by = (on - back).fixed_rows::<6>(0) / 0.4;
+            pulled += by * by.transpose();
+        }
+        let by_map = sums([0.0; 4]).by_map;
+        let by = by_map.fixed_rows::<6>(0);
+        let stated = by * by.transpose();
+        for i in 0..6 {
+            for k in 0..=i {
+                let size = (pulled[(i, i)] * pulled[(k, k)]).sqrt();
+                let off = (stated[(i, k)] - pulled[(i, k)]) / size;
+                assert!(off.abs() < 0.05, "{i} {k}: {off} of {stated} {pulled}");
+            }
+        }
+    }
+}
+
+/// What the fit makes of it. Edges that a displaced map brings out of their places weigh less, so that the fit gives way by less than
+/// its weights say: along the weak direction by a quarter; across it, where the whole line tells, it does not.
 #[test]
 fn loadings_are_what_displaced_maps_move_the_pose_by() {
     let rig = lshpi_rig();
-    for pose in [
-        POSE,
-        Pose {
-            x_m: 0.26,
-            phi_rad: -0.03,
-            theta_rad: 0.02,
-            psi_rad: 0.08,
-            ..POSE
-        },
-    ] {
+    let mut ratios = Vec::new();
+    for pose in poses() {
         let image = frame(&rig, &pose);
         let fit = seen_by(&rig, &image, [0.0; 4]);
-        let mut moved = nalgebra::Matrix6::zeros();
+        let mut moved = [0.0; 6];
         for k in 0..4 {
-            // Central, so that what is left is of the third order.
-            let [on, back] = [1.0, -1.0].map(|sds| {
-                let mut by = [0.0; 4];
-                by[k] = sds * SDS[k];
-                nalgebra::Vector6::from(seen_by(&rig, &image, by).pose.to_array())
-            });
-            println!("{k} {:?}", ((on - back) * 0.5).as_slice());
-            moved += 0.25 * (on - back) * (on - back).transpose();
+            let of = |sds| seen_by(&rig, &image, at_sds(k, sds)).pose.to_array();
+            let [on, back] = [of(1.0), of(-1.0)];
+            for i in 0..6 {
+                moved[i] += (0.5 * (on[i] - back[i])).powi(2);
+            }
         }
         let by = fit.loadings.fixed_rows::<6>(0);
         let stated = by * by.transpose();
-        println!(
-            "own {:?}",
-            (0..6)
-                .map(|i| fit.covariance[(i, i)].sqrt())
-                .collect::<Vec<_>>()
-        );
-        println!(
-            "stated {:?}",
-            (0..6).map(|i| stated[(i, i)].sqrt()).collect::<Vec<_>>()
-        );
-        println!(
-            "moved {:?}",
-            (0..6).map(|i| moved[(i, i)].sqrt()).collect::<Vec<_>>()
-        );
-        for i in 0..6 {
-            let ratio = (stated[(i, i)] / moved[(i, i)]).sqrt();
-            assert!((0.93..1.07).contains(&ratio), "{i}: {stated} {moved}");
-            for k in 0..i {
-                let alike =
-                    |of: &nalgebra::Matrix6<f64>| of[(i, k)] / (of[(i, i)] * of[(k, k)]).sqrt();
-                let off = alike(&stated) - alike(&moved);
-                assert!(off.abs() < 0.05, "{i} {k}: {stated} {moved}");
-            }
-        }
+        ratios.push([0, 1, 2, 3, 4].map(|i| (stated[(i, i)] / moved[i]).sqrt()));
+    }
+    println!("{ratios:.2?}");
+    for (i, [least, most]) in [[0.9, 1.5], [0.9, 1.3], [0.9, 1.5], [0.97, 1.03], [0.9, 1.5]]
+        .into_iter()
+        .enumerate()
+    {
+        let mean = ratios.iter().map(|r| r[i]).sum::<f64>() / ratios.len() as f64;
+        assert!((least..most).contains(&mean), "{i}: {mean}");
     }
 }
 
@@ -147,48 +204,4 @@ fn an_exact_map_has_no_loadings() {
     let fit = fitted(&rig, &frame(&rig, &POSE), Some(0.18)).unwrap();
     assert_eq!(fit.loadings, MapLoadings::zeros());
     assert_eq!(fit.total_covariance(), fit.covariance);
-}
-
-#[test]
-fn zz_many() {
-    let rig = lshpi_rig();
-    let renderer = Renderer::new(&rig).unwrap();
-    for seed in 0..12 {
-        let f = seed as f64;
-        let pose = Pose {
-            x_m: 0.2 + 0.01 * f,
-            phi_rad: 0.004 * f - 0.02,
-            psi_rad: -0.08 + 0.012 * f,
-            theta_rad: -0.008 + 0.002 * f,
-            ..POSE
-        };
-        let image = GreyImage {
-            width_px: 720,
-            height_px: 576,
-            pixels: renderer.render(&Pose6::from(pose.to_array()), seed).0,
-        };
-        let Some(fit) = Some(seen_by(&rig, &image, [0.0; 4])) else {
-            continue;
-        };
-        let mut moved = nalgebra::Matrix6::zeros();
-        for k in 0..4 {
-            let [on, back] = [1.0, -1.0].map(|sds| {
-                let mut by = [0.0; 4];
-                by[k] = sds * SDS[k];
-                nalgebra::Vector6::from(seen_by(&rig, &image, by).pose.to_array())
-            });
-            moved += 0.25 * (on - back) * (on - back).transpose();
-        }
-        let by = fit.loadings.fixed_rows::<6>(0);
-        let stated = by * by.transpose();
-        println!(
-            "ratio {:?} theta {:.5} of own {:.5} edge {:.4}",
-            (0..6)
-                .map(|i| (100.0 * (stated[(i, i)] / moved[(i, i)]).sqrt()).round() / 100.0)
-                .collect::<Vec<_>>(),
-            stated[(4, 4)].sqrt(),
-            fit.covariance[(4, 4)].sqrt(),
-            fit.edge_model_error
-        );
-    }
 }
