@@ -32,7 +32,7 @@ pub use homography::HomographyMap;
 pub use refractive::{RefractiveMap, RefractivePrior};
 pub use region::Region;
 
-use nalgebra::Matrix2;
+use nalgebra::{DMatrix, Matrix2, Matrix2xX};
 use serde::{Deserialize, Serialize};
 
 use crate::free::SheetMap;
@@ -266,6 +266,32 @@ impl FittedMap {
             return None;
         }
         each!(self, map => map.to_plane(column_px, row_px))
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_slopes`].
+    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        if !(column_px.is_finite() && row_px.is_finite()) {
+            return None;
+        }
+        match self {
+            // The paper's own methods: each cell has its own, and none is shared by all.
+            #[cfg(feature = "lab")]
+            FittedMap::Grid(_) => Some(Matrix2xX::zeros(0)),
+            FittedMap::Homography(map) => map.parameter_slopes(column_px, row_px),
+            FittedMap::Refractive(map) => map.parameter_slopes(column_px, row_px),
+            FittedMap::Free(map) => map.parameter_slopes(column_px, row_px),
+        }
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_covariance`].
+    pub fn parameter_covariance(&self) -> DMatrix<f64> {
+        match self {
+            #[cfg(feature = "lab")]
+            FittedMap::Grid(_) => DMatrix::zeros(0, 0),
+            FittedMap::Homography(map) => map.parameter_covariance().clone(),
+            FittedMap::Refractive(map) => map.parameter_covariance().clone(),
+            FittedMap::Free(map) => map.covariance().clone(),
+        }
     }
 
     /// The pixel at which a sheet point is seen.

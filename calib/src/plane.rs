@@ -1,10 +1,14 @@
 //! The interface of every map from image to laser plane.
 
 use hydroline_rigs::{Camera, Laser, Mounts};
-use nalgebra::Matrix2;
+use nalgebra::{DMatrix, Matrix2, Matrix2xX};
 use serde::{Deserialize, Serialize};
 
 use crate::Calibration;
+
+pub mod errors;
+
+pub use errors::MapErrors;
 
 /// A point in the laser sheet with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +35,18 @@ pub trait PlaneMap: Send + Sync {
 
     /// d(ξ, η)/d(column, row) \[m/px\], rows ξ and η, columns column and row.
     fn jacobian(&self, column_px: f64, row_px: f64) -> Option<Matrix2<f64>>;
+
+    /// Motion of the sheet point seen at a pixel with each of the map's m parameters, d(ξ, η)/d(parameter), 2 × m; `None`
+    /// where the map does not hold. A map that takes its numbers as exact has no parameters.
+    fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        self.to_plane(column_px, row_px)?;
+        Some(Matrix2xX::zeros(0))
+    }
+
+    /// Covariance of these parameters, m × m.
+    fn parameter_covariance(&self) -> DMatrix<f64> {
+        DMatrix::zeros(0, 0)
+    }
 
     /// Method, parameters and provenance, as stored in logs and files.
     fn describe(&self) -> Calibration;

@@ -4,6 +4,7 @@ mod companion;
 pub mod instrument_sd;
 mod joined;
 pub mod rest_noise;
+mod shared_errors;
 mod stretches;
 mod windows;
 
@@ -15,6 +16,7 @@ pub use companion::{COMPANIONS, Companions};
 pub use hydroline_rigs::channel::{Channel, PerChannel};
 pub use joined::Joined;
 pub use rest_noise::RestNoise;
+pub use shared_errors::{Loadings, SharedErrors};
 pub use stretches::longest_step_s;
 
 /// A body wrench in force from `t_s` until the next command.
@@ -33,7 +35,7 @@ pub struct Sample {
     pub t_s: f64,
     /// SI; NaN = not measured.
     pub values: PerChannel<f64>,
-    /// 6 x 6 row-major of the pose, SI; `None` = not known.
+    /// 6 x 6 row-major of the pose's own error, SI; `None` = not known.
     pub covariance: Option<Box<[f64; 36]>>,
 }
 
@@ -58,6 +60,8 @@ pub struct Run {
     pub joined: Option<Joined>,
     /// sd of each channel's instrument as the import's map states it \[SI\]: the channel's noise is no smaller; 0 = not stated.
     pub instrument_sd: PerChannel<f64>,
+    /// Errors that its poses share; `None` = the log states none.
+    pub shared_errors: Option<SharedErrors>,
     /// Oddities of the data, one sentence each.
     pub notes: Vec<String>,
 }

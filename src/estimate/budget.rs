@@ -7,6 +7,7 @@
 //! what the runs do say of it. Clocks of joined logs are numbers of the fit: their part of C is a line of its own.
 //! References: JCGM 100:2008 (GUM), 5.1; ITTC 7.5-02-01-01; Bierman 1977, ch. 8 (consider parameters).
 
+mod shared;
 mod sources;
 mod unstated;
 
@@ -32,6 +33,7 @@ pub(crate) fn add_budget(
     let whole = Sources {
         fitted,
         rig,
+        runs,
         has_measured_curve: curve::is_measured(rig, runs),
     };
     let all = whole.all(asked);

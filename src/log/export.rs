@@ -146,7 +146,7 @@ const COMMANDS: &str =
 const ECHOES: &str =
     "log_ns,timestamp_ns,sequence,thruster,pulse_us,controller_time_us,round_trip_s,errors";
 const MOTION: &str = "log_ns,timestamp_ns,x_m,y_m,z_m,phi_rad,theta_rad,psi_rad,\
-u_mps,v_mps,w_mps,p_radps,q_radps,r_radps,covariance,rudder_rad,elevator_rad,shaft_radps,wave_m";
+u_mps,v_mps,w_mps,p_radps,q_radps,r_radps,covariance,rudder_rad,elevator_rad,shaft_radps,wave_m,own_covariance,shared_loadings";
 const PROFILES: &str = "log_ns,timestamp_ns,sequence,column_px,row_px,peak,sd_px,sigma_px,quality,\
 xi_m,eta_m,xi_sd_m,eta_sd_m";
 const CLOCK: &str = "log_ns,monotonic_ns,realtime_ns,boottime_ns,bracket_ns,offset_us,offset_sd_us,\
@@ -324,11 +324,17 @@ fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) 
     for value in m.channels() {
         row.maybe(value.filter(|v| v.is_finite()));
     }
-    let covariance: Vec<String> = m.covariance.iter().map(f64::to_string).collect();
-    row.text(&covariance.join(" "));
+    let joined = |of: &[f64]| -> String {
+        let words: Vec<String> = of.iter().map(f64::to_string).collect();
+        words.join(" ")
+    };
+    row.text(&joined(&m.covariance));
     for value in m.companions() {
         row.maybe(value.filter(|v| v.is_finite()));
     }
+    let own = m.own_covariance().filter(|_| !m.shared_loadings.is_empty());
+    row.text(&own.map_or_else(String::new, |own| joined(&own)));
+    row.text(&joined(&m.shared_loadings));
     row.end();
 }
 

@@ -10,7 +10,7 @@ use prost_types::Timestamp;
 
 use hydroline_core::clock::ClockTriple;
 use hydroline_core::event::{Event, Severity};
-use hydroline_core::run::COMPANIONS;
+use hydroline_core::run::{COMPANIONS, SharedErrors};
 use hydroline_rigs::channel::{Channel, PerChannel};
 
 mod cdr;
@@ -231,6 +231,24 @@ impl VehicleMotion {
         let rates = (self.p_radps, self.q_radps, self.r_radps);
         let both = |a: (_, _, _), b: (_, _, _)| [a.0, a.1, a.2, b.0, b.1, b.2];
         PerChannel::of_state(both(pose, turn), both(way, rates))
+    }
+
+    /// Covariance of the pose's own error, 6 × 6 row by row \[SI\]: as sent, less what all poses of its calibration share; `None` = none
+    /// was sent, or no matrix of numbers.
+    pub fn own_covariance(&self) -> Option<[f64; 36]> {
+        let mut own = <[f64; 36]>::try_from(self.covariance.as_slice()).ok()?;
+        if !own.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        for by in SharedErrors::of_rows(&self.shared_loadings)
+            .iter()
+            .flatten()
+        {
+            for (k, v) in own.iter_mut().enumerate() {
+                *v -= by[k / 6] * by[k % 6];
+            }
+        }
+        Some(own)
     }
 
     /// Values measured beside the motion: rudder \[rad\], elevator \[rad\], shaft \[rad/s\], wave \[m\].

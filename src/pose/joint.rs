@@ -14,7 +14,7 @@ use super::photometric::{
 use super::segments::{self, Levels};
 use super::sheet::SheetTable;
 use hydroline_calib::Pose;
-use hydroline_calib::plane::PlaneMap;
+use hydroline_calib::plane::{ImageSize, MapErrors, PlaneMap};
 use hydroline_core::frame::GreyImage;
 use hydroline_rigs::{Mounts, Rig};
 use hydroline_stripe::Profile;
@@ -68,6 +68,9 @@ const CEILING: u8 = 254;
 /// Of (x, y, z, φ, θ, ψ, thickness).
 pub type Matrix7 = nalgebra::SMatrix<f64, 7, 7>;
 
+/// Of (x, y, z, φ, θ, ψ, thickness) \[m, rad\], by each error that the map's points share, of one standard deviation.
+pub type MapLoadings = nalgebra::SMatrix<f64, 7, { MapErrors::MOST }>;
+
 /// Prior knowledge of a frame's pose.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hint {
@@ -111,7 +114,9 @@ impl PoseFitter {
         let surfaces = Surfaces::new(rig.target.as_ref());
         let heights_m = surfaces.heights_m();
         let table = Arc::new(SheetTable::new(map.as_ref(), &rig.camera, &rig.mounts));
-        let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad);
+        let map_errors = MapErrors::of(map.as_ref(), ImageSize::of(&rig.camera));
+        let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad)
+            .with_map_errors(Arc::new(map_errors));
         let stated = rig.camera.response.as_ref();
         let response_prior = ResponsePrior::of_rig(stated);
         let ceiling = stated.and_then(|s| s.ceiling_levels);

@@ -34,7 +34,7 @@ pub(super) use edge_model_error::EdgeModelError;
 pub(crate) use picture::Picture;
 pub(super) use plan::{Choice, Plan};
 pub(crate) use response::{Response, light_per_grey};
-pub(super) use sums::{RunParameters, Sums, Weighting};
+pub(super) use sums::{ByMap, RunParameters, Sums, Weighting};
 
 use super::normal::{Tables, cumulative, density};
 use super::outline::Surfaces;
@@ -43,6 +43,7 @@ use across::Across;
 use edge_strips::{Scratch, lit};
 use grid::Grid;
 use hydroline_calib::Pose;
+use hydroline_calib::plane::MapErrors;
 use interior_strips::InteriorStrip;
 use lighting::Cell;
 pub(crate) use lighting::{PRIOR_SD, line_range};
@@ -51,7 +52,7 @@ use nalgebra::{SMatrix, SVector};
 use plan::{Strip, groups};
 use pose_geometry::{PoseGeometry, Ray};
 use std::sync::Arc;
-use sums::{Counter, EdgeLight};
+use sums::{Counter, EdgeLight, MapMoves};
 use visibility::{PixelContext, Sensitivity};
 
 /// x, y, z, φ, θ, ψ, brightness, thickness, background, tone, black, and what the line has [`across`]: what moves a pixel's
@@ -134,6 +135,8 @@ pub(super) struct Photometric {
     tan_half_fan: f64,
     /// Edge response where the blur is formed on the pixel grid.
     grid: Arc<Grid>,
+    /// Errors that all sights of the table share.
+    map_errors: Arc<MapErrors>,
 }
 
 impl Photometric {
@@ -146,7 +149,13 @@ impl Photometric {
             spread_px2,
             tan_half_fan: (0.5 * fan_rad).tan(),
             grid: Arc::new(Grid::new(blur_px)),
+            map_errors: Arc::default(),
         }
+    }
+
+    /// The same seen by a map that has these errors.
+    pub fn with_map_errors(self, map_errors: Arc<MapErrors>) -> Self {
+        Photometric { map_errors, ..self }
     }
 
     /// The same light and target seen otherwise.
@@ -204,6 +213,11 @@ impl Photometric {
         counter.grid_share = model_error.grid_share;
         let grid_share = model_error.grid_share;
         counter.uneven = picture.lit(&weighting.response);
+        // One cell of all columns has no place.
+        counter.map_moves = (!one_cell && !self.map_errors.is_empty()).then(|| MapMoves {
+            errors: &self.map_errors,
+            attitude: state.pose.body_to_tank_rotation(),
+        });
         let pixels = picture.pixels;
         let mut downweighted = model_error.of_pixels.iter();
         let mut found = Vec::new();

@@ -7,8 +7,8 @@
 //! vehicle is expected that well; later a frame is looked for anywhere.
 
 use super::joint::{
-    EDGES_ALIKE, EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, PoseCaveat, PoseFault,
-    PoseFitter, Speculative,
+    EDGES_ALIKE, EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, MapLoadings, PoseCaveat,
+    PoseFault, PoseFitter, Speculative,
 };
 use super::place::{Carried, Place};
 use hydroline_calib::plane::PlaneMap;
@@ -238,12 +238,23 @@ fn settle_edges(fit: &mut JointPose, expected: &Carried, period_m: Option<f64>) 
     }
 }
 
+/// Loadings as the format has them, without the errors that the map does not have; empty where it has none.
+pub fn shared_loadings(of: &MapLoadings) -> Vec<f64> {
+    let count = of
+        .column_iter()
+        .filter(|c| c.iter().any(|v| *v != 0.0))
+        .count();
+    let rows = (0..6).flat_map(|i| (0..count).map(move |k| of[(i, k)]));
+    rows.collect()
+}
+
 /// The message of a pose: what was not measured stays out; its rows in the covariance are zero.
 pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
     let eta = fit.pose.to_array();
     let eta = std::array::from_fn(|i| fit.measured[i].then(|| eta[i]));
     VehicleMotion {
-        covariance: fit.covariance.transpose().iter().copied().collect(),
+        covariance: fit.total_covariance().transpose().iter().copied().collect(),
+        shared_loadings: shared_loadings(&fit.loadings),
         ..VehicleMotion::of_pose(stamp_ns, eta)
     }
 }

@@ -22,6 +22,7 @@ mod tune;
 pub use dynamics::Dynamics;
 pub use measurement::{Measured, MeasuredFrame};
 
+use crate::joint::MapLoadings;
 use nalgebra::{Matrix6, SMatrix, SVector};
 
 /// η, ν, d, σ.
@@ -55,8 +56,10 @@ pub struct Smoothed {
     pub eta: [f64; 6],
     /// u, v, w \[m/s\], p, q, r \[rad/s\], body frame.
     pub nu: [f64; 6],
-    /// Covariance of η \[m², rad²\].
+    /// Covariance of η \[m², rad²\], of the frames' own errors.
     pub covariance: Matrix6<f64>,
+    /// What errors that all poses share do to it, as the nearest frame with a pose states it: averaging leaves them.
+    pub loadings: MapLoadings,
     /// Whether this run determines each of η at all.
     pub measured: [bool; 6],
     /// The frame had a pose of its own.
@@ -106,6 +109,19 @@ pub enum SmoothError {
     Diverged { frame: usize },
 }
 
+/// Loadings of the frame with a pose that is the nearest in time.
+fn loadings_at(frames: &[MeasuredFrame], stamp_ns: u64) -> MapLoadings {
+    let after = frames.partition_point(|f| f.stamp_ns < stamp_ns);
+    let of =
+        |f: &MeasuredFrame| Some((f.stamp_ns.abs_diff(stamp_ns), f.measured.as_ref()?.loadings));
+    let near = [
+        frames[..after].iter().rev().find_map(of),
+        frames[after..].iter().find_map(of),
+    ];
+    let nearest = near.into_iter().flatten().min_by_key(|(away, _)| *away);
+    nearest.map_or_else(MapLoadings::zeros, |(_, by)| by)
+}
+
 /// Smooths the frames of one run, in the order of their stamps.
 pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, SmoothError> {
     check(frames)?;
@@ -121,6 +137,7 @@ pub fn smooth(frames: &[MeasuredFrame], dynamics: &Dynamics) -> Result<Run, Smoo
         .iter()
         .zip(&smoothed)
         .map(|(frame, (x, p))| Smoothed {
+            loadings: loadings_at(frames, frame.stamp_ns),
             stamp_ns: frame.stamp_ns,
             eta: std::array::from_fn(|i| x[i]),
             nu: std::array::from_fn(|i| x[RATES + i]),

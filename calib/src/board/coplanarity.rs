@@ -118,18 +118,27 @@ impl Coplanarity {
 
     /// Covariance \[m²\] that the gap's uncertainty puts on a sheet point.
     pub fn covariance_m2(&self, xi_m: f64, eta_m: f64) -> nalgebra::Matrix2<f64> {
+        let g = self.slopes(xi_m, eta_m);
+        g * self.covariance() * g.transpose()
+    }
+
+    /// Motion of a sheet point \[m\] with the sheet's offset over the face and its two tilts.
+    pub fn slopes(&self, xi_m: f64, eta_m: f64) -> Matrix2x3<f64> {
         let camera = self.camera_m();
         let lever = Vector2::new(camera[0] - xi_m, camera[1] - eta_m) / camera[2];
-        let g: Matrix2x3<f64> = lever * nalgebra::RowVector3::new(1.0, xi_m, eta_m);
-        let c = match self {
+        lever * nalgebra::RowVector3::new(1.0, xi_m, eta_m)
+    }
+
+    /// Covariance of the offset \[m²\] and the tilts \[rad²\].
+    pub fn covariance(&self) -> Matrix3<f64> {
+        match self {
             Coplanarity::Measured(gap) => Matrix3::from_fn(|i, k| gap.covariance[(i, k)]),
             Coplanarity::Unknown(u) => Matrix3::from_diagonal(&nalgebra::Vector3::new(
                 u.offset_sd_m.powi(2),
                 u.tilt_sd_rad.powi(2),
                 u.tilt_sd_rad.powi(2),
             )),
-        };
-        g * c * g.transpose()
+        }
     }
 
     /// Whether the numbers can be true; for files.

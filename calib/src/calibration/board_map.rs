@@ -3,7 +3,7 @@
 //! pixel → (fitted map) point of the face → (coplanarity) point of the sheet →
 //! (placement) coordinates of the sheet. The covariance gathers all three.
 
-use nalgebra::{Matrix2, Rotation2, Vector2};
+use nalgebra::{DMatrix, Matrix2, Matrix2xX, Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use super::{Calibration, MapParameters, Medium, Residuals};
@@ -14,6 +14,9 @@ use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 /// So far inside of the outer line its derivatives are taken \[px\]: far beyond rounding (1e-12 px), far below any
 /// change of the derivatives (a cell is tens of pixels wide).
 const BORDER_PX: f64 = 1e-3;
+
+/// Offset and two tilts of the sheet against the board's face.
+const GAP: usize = 3;
 
 /// Where the board's middle stood in the sheet, and how it was rotated.
 ///
@@ -172,6 +175,32 @@ impl PlaneMap for BoardMap {
             eta_m,
             covariance_m2: turn.matrix() * point.covariance_m2 * turn.matrix().transpose(),
         })
+    }
+
+    fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        let mut slopes = self.map.parameter_slopes(column_px, row_px)?;
+        if let Some(gap) = &self.calibration.coplanarity {
+            // The gap's own share of what a point moves by is some thousandths.
+            let at = self.map.to_plane(column_px, row_px)?;
+            let from = slopes.ncols();
+            slopes = slopes.resize_horizontally(from + GAP, 0.0);
+            slopes
+                .fixed_columns_mut::<GAP>(from)
+                .copy_from(&gap.slopes(at.xi_m, at.eta_m));
+        }
+        Some(Rotation2::new(self.placement.turn_rad).matrix() * slopes)
+    }
+
+    fn parameter_covariance(&self) -> DMatrix<f64> {
+        let of_map = self.map.parameter_covariance();
+        let Some(gap) = &self.calibration.coplanarity else {
+            return of_map;
+        };
+        let from = of_map.nrows();
+        let mut all = of_map.resize(from + GAP, from + GAP, 0.0);
+        all.fixed_view_mut::<GAP, GAP>(from, from)
+            .copy_from(&gap.covariance());
+        all
     }
 
     fn to_image(&self, xi_m: f64, eta_m: f64) -> Option<(f64, f64)> {

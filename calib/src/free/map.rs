@@ -2,7 +2,7 @@
 //!
 //! Coordinates: ξ to the image's left, η up within the sheet; zero where the optical axis meets it.
 
-use nalgebra::{DMatrix, Matrix2, Matrix3x2, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix2xX, Matrix3x2, SVector, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::bundle::SHARED;
@@ -109,33 +109,46 @@ impl SheetMap {
         if !self.region.contains(at[0], at[1]) {
             return None;
         }
+        let by = self.moved(&pixel)?;
+        let covariance = &by * &self.covariance * by.transpose();
+        Some(PlanePoint {
+            xi_m: at[0],
+            eta_m: at[1],
+            covariance_m2: Matrix2::from_fn(|i, k| covariance[(i, k)]),
+        })
+    }
+
+    /// How the point seen at a pixel moves with the camera's numbers, then the sheet's.
+    fn moved(&self, pixel: &Vector2<f64>) -> Option<Matrix2xX<f64>> {
+        let (from, along) = self.lens.ray(pixel)?;
+        let point = self.sheet.meet(&from, &along)?;
         let frame = self.frame();
-        let mut by = [Vector2::zeros(); SHARED];
+        let mut by = Matrix2xX::zeros(SHARED);
         for k in (0..CAMERA).filter(|k| self.covariance[(*k, *k)] > 0.0) {
             let moved = |d: f64| {
-                let (from, along) = self.lens.moved(k, d).ray(&pixel)?;
+                let (from, along) = self.lens.moved(k, d).ray(pixel)?;
                 self.sheet.meet(&from, &along)
             };
-            by[k] = frame.tr_mul(&((moved(STEPS[k])? - moved(-STEPS[k])?) / (2.0 * STEPS[k])));
+            let slope = (moved(STEPS[k])? - moved(-STEPS[k])?) / (2.0 * STEPS[k]);
+            by.set_column(k, &frame.tr_mul(&slope));
         }
         // The sheet moves along its normal, the point along its ray.
         let slope = self.sheet.gradient(&point).dot(&along);
         let moves: SVector<f64, SHEET> = self.sheet.by_numbers(&point) / -slope;
         let ray = frame.tr_mul(&along);
         for k in 0..SHEET {
-            by[CAMERA + k] = ray * moves[k];
+            by.set_column(CAMERA + k, &(ray * moves[k]));
         }
-        let mut covariance_m2 = Matrix2::zeros();
-        for i in 0..SHARED {
-            for k in 0..SHARED {
-                covariance_m2 += by[i] * by[k].transpose() * self.covariance[(i, k)];
-            }
-        }
-        Some(PlanePoint {
-            xi_m: at[0],
-            eta_m: at[1],
-            covariance_m2,
-        })
+        Some(by)
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_slopes`].
+    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        let pixel = Vector2::new(column_px, row_px);
+        let (from, along) = self.lens.ray(&pixel)?;
+        let at = self.coordinates(&self.sheet.meet(&from, &along)?);
+        self.region.contains(at[0], at[1]).then_some(())?;
+        self.moved(&pixel)
     }
 
     /// See [`crate::map::FittedMap::to_image`].

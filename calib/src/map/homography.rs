@@ -8,7 +8,7 @@
 mod fitting;
 mod lens;
 
-use nalgebra::{DMatrix, Matrix2};
+use nalgebra::{DMatrix, Matrix2, Matrix2xX, SMatrix};
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{homography, rows, whitener};
@@ -24,6 +24,9 @@ const MODEL_SD_PX: f64 = 0.005;
 
 /// Fewest nodes: twice the parameters, so that residuals mean something.
 const FEWEST: usize = 16;
+
+/// Motion of a sheet point with each parameter \[m\].
+type Moved = SMatrix<f64, 2, PARAMETERS>;
 
 /// Homography and Brown distortion, with the covariance of their parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -155,10 +158,7 @@ impl HomographyMap {
         if !self.region.contains(xi_m, eta_m) {
             return None;
         }
-        let seen = lens::see(&self.parameters, self.scaled_plane(xi_m, eta_m))?;
-        let inverse = seen.by_point.try_inverse()? * self.plane_scale_m;
-        // The pixel is given, the parameters move: dX = -J⁻¹ (∂p/∂θ) dθ.
-        let g = inverse * seen.by_parameters;
+        let (inverse, g) = self.moved(xi_m, eta_m)?;
         let mut covariance = Matrix2::zeros();
         for i in 0..PARAMETERS {
             for k in 0..PARAMETERS {
@@ -172,6 +172,27 @@ impl HomographyMap {
             eta_m,
             covariance_m2: covariance + model,
         })
+    }
+
+    /// d(ξ, η)/d(scaled pixel), and how the point seen at a pixel moves with the parameters.
+    fn moved(&self, xi_m: f64, eta_m: f64) -> Option<(Matrix2<f64>, Moved)> {
+        let seen = lens::see(&self.parameters, self.scaled_plane(xi_m, eta_m))?;
+        let inverse = seen.by_point.try_inverse()? * self.plane_scale_m;
+        // The pixel is given, the parameters move: dX = -J⁻¹ (∂p/∂θ) dθ.
+        Some((inverse, -(inverse * seen.by_parameters)))
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_slopes`].
+    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        let [xi_m, eta_m] = self.invert(column_px, row_px)?;
+        self.region.contains(xi_m, eta_m).then_some(())?;
+        let (_, by) = self.moved(xi_m, eta_m)?;
+        Some(Matrix2xX::from_fn(PARAMETERS, |i, k| by[(i, k)]))
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_covariance`].
+    pub fn parameter_covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
     }
 
     /// See [`super::FittedMap::to_image`].

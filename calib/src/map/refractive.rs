@@ -11,7 +11,7 @@
 //! Refraction as vectors: w = μ a + (√(1 − μ²(1 − c²)) − μ c) n, c = a·n, μ = n₁/n₂
 //! (Glassner, An Introduction to Ray Tracing, 1989).
 
-use nalgebra::{DMatrix, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix2xX, Matrix3, Rotation3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{apply, homography, rows, whitener};
@@ -235,7 +235,18 @@ impl RefractiveMap {
         if !self.region.contains(xi_m, eta_m) {
             return None;
         }
-        let mut g = DMatrix::zeros(2, PARAMETERS);
+        let g = self.moved(column_px, row_px)?;
+        let covariance = &g * &self.covariance * g.transpose();
+        Some(PlanePoint {
+            xi_m,
+            eta_m,
+            covariance_m2: Matrix2::from_fn(|i, k| covariance[(i, k)]),
+        })
+    }
+
+    /// How the point seen at a pixel moves with the parameters.
+    fn moved(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        let mut g = Matrix2xX::zeros(PARAMETERS);
         let mut x = self.parameters;
         for k in 0..PARAMETERS {
             let h = STEPS[k];
@@ -247,12 +258,19 @@ impl RefractiveMap {
             g[(0, k)] = (up[0] - down[0]) / (2.0 * h);
             g[(1, k)] = (up[1] - down[1]) / (2.0 * h);
         }
-        let covariance = &g * &self.covariance * g.transpose();
-        Some(PlanePoint {
-            xi_m,
-            eta_m,
-            covariance_m2: Matrix2::from_fn(|i, k| covariance[(i, k)]),
-        })
+        Some(g)
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_slopes`].
+    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+        let [xi_m, eta_m] = self.rays().meet(column_px, row_px)?;
+        self.region.contains(xi_m, eta_m).then_some(())?;
+        self.moved(column_px, row_px)
+    }
+
+    /// See [`crate::plane::PlaneMap::parameter_covariance`].
+    pub fn parameter_covariance(&self) -> &DMatrix<f64> {
+        &self.covariance
     }
 
     /// See [`super::FittedMap::to_image`].

@@ -134,6 +134,7 @@ impl Run {
             noise_at_rest: self.noise_at_rest.clone(),
             joined: self.joined,
             instrument_sd: self.instrument_sd,
+            shared_errors: self.shared_errors.as_ref().map(|s| s.later_by(-offset_s)),
             notes: Vec::new(),
         };
         if !is_first {

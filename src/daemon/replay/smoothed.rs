@@ -4,7 +4,7 @@ use super::{Analysed, BATCH, Options, ReplayError, commanded};
 use hydroline_core::frame::Frame;
 use hydroline_log::Record;
 use hydroline_log::messages::{pb::VehicleMotion, unix_ns};
-use hydroline_pose::run::{PoseRun, RunPose};
+use hydroline_pose::run::{PoseRun, RunPose, shared_loadings};
 use hydroline_pose::smooth::{Dynamics, MeasuredFrame, Smoothed, smooth};
 use hydroline_rigs::Rig;
 use rayon::prelude::*;
@@ -142,8 +142,11 @@ fn measure(
 
 fn message(frame: &Smoothed) -> VehicleMotion {
     let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
+    let by = frame.loadings.fixed_rows::<6>(0);
+    let total = frame.covariance + by * by.transpose();
     VehicleMotion {
-        covariance: frame.covariance.transpose().iter().copied().collect(),
+        covariance: total.transpose().iter().copied().collect(),
+        shared_loadings: shared_loadings(&frame.loadings),
         ..VehicleMotion::of_pose(frame.stamp_ns, eta)
     }
 }

@@ -1,6 +1,6 @@
 //! Numbers that a fit takes as known by the rig: thrust, mass and inertia, buoyancy, hydrostatics, coefficients that were fixed.
 
-use hydroline_core::run::PerChannel;
+use hydroline_core::run::{PerChannel, Run};
 use hydroline_inference::body::Body;
 use hydroline_rigs::{Dof, Rig};
 
@@ -22,7 +22,7 @@ pub(super) type Moved = Vec<Vec<PerChannel<f64>>>;
 /// A number that the fit takes as known.
 pub(super) struct Consider {
     pub source: String,
-    /// sd in the unit; `None` = in units of what is typical.
+    /// sd in the unit; `None` = in units of what is typical, or of several numbers in one.
     pub sd: Option<f64>,
     pub unit: &'static str,
     pub basis: String,
@@ -36,6 +36,8 @@ pub(super) struct Consider {
 pub(super) struct Sources<'a> {
     pub fitted: &'a Fitted,
     pub rig: &'a Rig,
+    /// As given: what their poses share is theirs.
+    pub runs: &'a [Run],
     /// The covariance of a bollard pull is added by who has the runs' pulses: no other sd of the thrust counts.
     pub has_measured_curve: bool,
 }
@@ -45,6 +47,7 @@ impl Sources<'_> {
         let mut all = self.of_the_rig();
         all.extend(self.fixed(asked));
         all.extend(self.of_the_poses());
+        all.extend(self.of_the_calibrations());
         all.extend(self.unseen());
         all
     }

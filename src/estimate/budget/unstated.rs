@@ -61,7 +61,7 @@ impl Sources<'_> {
                 moved,
             ));
         }
-        for run in 0..base.len() {
+        for run in (0..base.len()).filter(|r| !self.states_shared_errors(*r)) {
             for c in Channel::POSES.into_iter().filter(|c| measured(*c)) {
                 let (sd, unit) = match c.is_angular() {
                     true => (SHARED_RAD, "rad"),

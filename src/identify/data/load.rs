@@ -5,7 +5,9 @@ use std::path::Path;
 use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::{Allocation, ThrustError};
 
-use hydroline_core::run::{Channel, Command, Joined, Run, Sample, StillNoise, instrument_sd};
+use hydroline_core::run::{
+    Channel, Command, Joined, Loadings, Run, Sample, SharedErrors, StillNoise, instrument_sd,
+};
 
 use super::{NOISE_KEY, autopilot};
 use hydroline_log::messages::{pb, timestamp, unix_ns};
@@ -88,6 +90,12 @@ pub fn load(path: &Path, rig: &Rig) -> Result<Run, LoadError> {
         run.joined = Joined::of(session);
         run.instrument_sd = instrument_sd::of_session(session);
     }
+    // Runs through one calibration share its errors.
+    let calibration = reader.metadata().get("calibration");
+    let toml = calibration.and_then(|m| m.get("toml"));
+    if let (Some(shared), Some(toml)) = (&mut run.shared_errors, toml) {
+        shared.owner.clone_from(toml);
+    }
     // Metadata at the log's end is known only now.
     let stored = reader
         .metadata()
@@ -145,6 +153,7 @@ pub fn load_messages(
     let backwards = ordered.windows(2).filter(|w| w[1].0 < w[0].0).count();
     ordered.sort_by_key(|(ns, _)| *ns);
     let mut last_ns = None;
+    let mut poses = Vec::new();
     for (ns, message) in ordered {
         if last_ns == Some(ns) {
             repeated += 1;
@@ -154,10 +163,15 @@ pub fn load_messages(
         run.companions
             .push(since_s(ns), finite(message.companions(), &mut not_finite));
         let sample = sample(message, since_s(ns), &mut not_finite);
+        poses.extend(loadings(message, since_s(ns)));
         if sample.values.iter().any(|v| v.is_finite()) {
             run.samples.push(sample);
         }
     }
+    run.shared_errors = (!poses.is_empty()).then(|| SharedErrors {
+        owner: name.to_owned(),
+        poses,
+    });
     let wraps = unwrap_angles(&mut run.samples);
     note_absurd(&mut run, rig);
     let mut note = |count: usize, words: &str| {
@@ -252,12 +266,15 @@ fn finite<const N: usize>(given: [Option<f64>; N], not_finite: &mut usize) -> [f
     given.map(|v| v.filter(|v| v.is_finite()).unwrap_or(f64::NAN))
 }
 
-/// The pose's covariance as sent; `None` = none, or no matrix of numbers.
+/// Covariance of the pose's own error; `None` = none, or no matrix of numbers.
 pub(super) fn covariance(m: &pb::VehicleMotion) -> Option<Box<[f64; 36]>> {
-    <[f64; 36]>::try_from(m.covariance.as_slice())
-        .ok()
-        .filter(|c| c.iter().all(|v| v.is_finite()))
-        .map(Box::new)
+    m.own_covariance().map(Box::new)
+}
+
+/// What shared errors do to a pose; `None` = nothing is stated.
+fn loadings(m: &pb::VehicleMotion, t_s: f64) -> Option<Loadings> {
+    let by = SharedErrors::of_rows(&m.shared_loadings)?;
+    Some(Loadings { t_s, by })
 }
 
 fn wrenches(

@@ -73,6 +73,10 @@ pub struct VehicleMotion {
     /// height of the water's surface
     #[prost(double, optional, tag = "36")]
     pub wave_m: ::core::option::Option<f64>,
+    /// 6 x k row-major: change of (x y z phi theta psi) by each error of one standard deviation that all poses of a calibration
+    /// share; independent of each other, the largest first. covariance holds them: own error = covariance - loadings loadings^T
+    #[prost(double, repeated, tag = "37")]
+    pub shared_loadings: ::prost::alloc::vec::Vec<f64>,
 }
 /// What is known about a frame apart from its pixels; same timestamp as its /camera/image.
 #[derive(Clone, PartialEq, ::prost::Message)]

@@ -5,7 +5,7 @@ use super::super::photometric::{
     State, Sums, Weighting, light_per_grey,
 };
 use super::lm_loop::{Convergence, lit_noise, plausible};
-use super::solve::{covariances, response_seen};
+use super::solve::{covariances, loadings, response_seen};
 use super::{
     CameraResponse, JointPose, LightSeen, PoseCaveat, PoseFault, PoseFitter, ResponseSeen,
 };
@@ -174,6 +174,7 @@ impl PoseFitter {
         }
         let [alone, with_response] =
             covariances(&sums, &free, considered).ok_or(PoseFault::NotConverged)?;
+        let loadings = loadings(&sums, &free).ok_or(PoseFault::NotConverged)?;
         let covariance_with_thickness = with_response + alone * (sums.edges.birge2() - 1.0);
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &all_free),
@@ -185,6 +186,7 @@ impl PoseFitter {
             pose: state.pose,
             covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
             covariance_with_thickness,
+            loadings,
             theta_sd_alone_rad: alone[(4, 4)].max(0.0).sqrt(),
             measured,
             thickness_m: state.thickness_m,

@@ -2,7 +2,7 @@
 
 use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
-use super::{EDGES_ALIKE, EDGES_OFF, EDGES_SOUND, LightSeen, Matrix7, ResponseSeen};
+use super::{EDGES_ALIKE, EDGES_OFF, EDGES_SOUND, LightSeen, MapLoadings, Matrix7, ResponseSeen};
 use crate::place::Carried;
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
@@ -38,8 +38,10 @@ pub enum PoseCaveat {
 pub struct JointPose {
     /// CG in the tank frame.
     pub pose: Pose,
-    /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\]; meaningful where `measured`.
+    /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\] of the frame's own error; meaningful where `measured`.
     pub covariance: Matrix6<f64>,
+    /// Error by each error that all poses of this map share.
+    pub loadings: MapLoadings,
     /// The same with the thickness \[m\] as seventh: it goes with the weak direction, and is the
     /// same in all frames of a run. Zero where held.
     pub covariance_with_thickness: Matrix7,
@@ -99,6 +101,12 @@ impl JointPose {
     pub(crate) fn edges_are_off(&self) -> bool {
         self.edge_model_error >= EDGES_OFF
             || self.edge_model_error >= EDGES_SOUND && self.edges_alike > EDGES_ALIKE
+    }
+
+    /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\] with what all poses of this map share.
+    pub fn total_covariance(&self) -> Matrix6<f64> {
+        let by = self.loadings.fixed_rows::<6>(0);
+        self.covariance + by * by.transpose()
     }
 
     /// Scales what the pose states of its own uncertainty by a factor of its sds.

@@ -1,12 +1,12 @@
 //! Normal equations of a frame in units of its unknowns' size, and their inverse.
 
 use super::super::photometric::{
-    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, Column, LINE, LOCAL, OF_RUN, PARAMETERS, PRIOR_SD,
-    Square, State, Sums, THICKNESS, TONE, UNEVEN,
+    ACROSS, BACKGROUND, BLACK, BRIGHTNESS, ByMap, Column, LINE, LOCAL, OF_RUN, PARAMETERS,
+    PRIOR_SD, Square, State, Sums, THICKNESS, TONE, UNEVEN,
 };
-use super::Matrix7;
 use super::camera::{self, OfRun, OfRun2, ResponsePrior, ResponseSeen};
 use super::weak_direction::WeakDirection;
+use super::{MapLoadings, Matrix7};
 use hydroline_numerics::cholesky::{ScaledCholesky, Scaling};
 use hydroline_numerics::least_squares::Normal;
 use nalgebra::Const;
@@ -118,6 +118,22 @@ fn considered_covariance(inverse: &Square, sized: &Square, considered: &OfRun2) 
     let of_run = OfRun::from_fn(|k, _| 1.0 / SIZES[TONE + k]);
     let by = inverse * sized.fixed_columns::<OF_RUN>(TONE) * OfRun2::from_diagonal(&of_run);
     by * considered * by.transpose()
+}
+
+/// Error of pose and thickness for an error of one standard deviation in each displacement that the map may have: P Jᵀ W dr, of what
+/// is free.
+pub(super) fn loadings(sums: &Sums, free: &[bool; PARAMETERS]) -> Option<MapLoadings> {
+    if sums.by_map.iter().all(|v| *v == 0.0) {
+        return Some(MapLoadings::zeros());
+    }
+    let sized = sized(&sums.information);
+    let inverse = ScaledCholesky::of_free(&sized, |i| free[i], Scaling::AsGiven, 0.0)?.inverse();
+    let by = ByMap::from_fn(|i, k| sums.by_map[(i, k)] * SIZES[i]);
+    let moved = inverse * by;
+    Some(MapLoadings::from_fn(|i, k| {
+        let i = if i == 6 { THICKNESS } else { i };
+        moved[(i, k)] * SIZES[i]
+    }))
 }
 
 /// Covariance of pose and thickness with all light marginalised; zero where held: from the frame's own pixels, and the

@@ -274,6 +274,7 @@ fn the_last_step_leaves_little() {
 
 mod known;
 mod light;
+mod shared_errors;
 
 mod hard {
     //! Frames that something is wrong with: a pose with its sd, or a reason; never another hexagon.

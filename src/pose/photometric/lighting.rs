@@ -66,6 +66,8 @@ pub(super) type Lower = [[f64; PARAMETERS]; PARAMETERS];
 pub(super) struct Cell {
     /// Which columns, which level.
     key: (usize, usize),
+    /// Its middle: column, row of its first strip \[px\].
+    pub middle_px: [f64; 2],
     /// The polynomials in its middle.
     basis: [f64; UNEVEN],
 }
@@ -74,6 +76,7 @@ impl Cell {
     /// All of the image, where nothing is uneven.
     pub const EVEN: Cell = Cell {
         key: (0, 0),
+        middle_px: [0.0; 2],
         basis: [0.0; UNEVEN],
     };
 
@@ -93,6 +96,7 @@ impl Cell {
         let u4 = (4.375 * u * u - 3.75) * u * u + 0.375;
         Cell {
             key: (along, level),
+            middle_px: [middle_px, row as f64],
             basis: [u, u2, u3, u4, v, u * v, u, u2, u3, v],
         }
     }
@@ -151,16 +155,12 @@ impl Cell {
             if a >= BRIGHTNESS {
                 to[BRIGHTNESS] += by * (of_gain - 1.0) * own[BRIGHTNESS];
             }
-            right[a] += by * gradient[a];
         }
+        self.spread_column(state, used, gradient, |k, by| right[k] += by);
         if *self == Cell::EVEN {
             return;
         }
-        // Coefficients move one of the two, by so much.
-        let moves: [(usize, f64); UNEVEN] = std::array::from_fn(|k| match k {
-            _ if k < GAINS => (0, state.brightness * self.basis[k]),
-            _ => (1, self.basis[k]),
-        });
+        let moves = self.moves(state);
         for (n, &(of, by)) in moves.iter().enumerate() {
             let to = &mut all[LOCAL + n];
             for (sum, own) in to.iter_mut().zip(&rows[of]).take(used) {
@@ -171,8 +171,37 @@ impl Cell {
                 let (i, j) = (pixels[of], pixels[with]);
                 *sum += by * times * information[i.max(j)][i.min(j)];
             }
-            right[LOCAL + n] += by * gradient[pixels[of]];
         }
+    }
+
+    /// Adds a column of sums by this cell's own brightness and background to one by all parameters; of the cell's the first `used` are
+    /// there.
+    pub fn spread_column(
+        &self,
+        state: &State,
+        used: usize,
+        own: &[f64; LOCAL],
+        mut add: impl FnMut(usize, f64),
+    ) {
+        let of_gain = self.of_gain(state);
+        for (k, of) in own.iter().enumerate().take(used) {
+            let by = if k == BRIGHTNESS { of_gain } else { 1.0 };
+            add(k, by * of);
+        }
+        if *self == Cell::EVEN {
+            return;
+        }
+        for (n, (of, by)) in self.moves(state).into_iter().enumerate() {
+            add(LOCAL + n, by * own[[BRIGHTNESS, BACKGROUND][of]]);
+        }
+    }
+
+    /// What each coefficient moves, brightness (0) or background (1), and by how much.
+    fn moves(&self, state: &State) -> [(usize, f64); UNEVEN] {
+        std::array::from_fn(|k| match k {
+            _ if k < GAINS => (0, state.brightness * self.basis[k]),
+            _ => (1, self.basis[k]),
+        })
     }
 
     fn of_gain(&self, state: &State) -> f64 {

@@ -13,6 +13,8 @@ use super::{
     THICKNESS, TONE,
 };
 use crate::normal::{SIXTH, Tables};
+use hydroline_calib::plane::MapErrors;
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Beyond so many noise sds a residual counts less and less in what the noise is found from.
 const OUTLYING: f64 = 4.0;
@@ -52,6 +54,27 @@ pub(crate) struct Tally {
     pub rejected: usize,
 }
 
+/// Of each parameter, by each error of the map.
+pub(crate) type ByMap = SMatrix<f64, PARAMETERS, { MapErrors::MOST }>;
+
+/// Errors of the map as a pose sees them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MapMoves<'a> {
+    /// Displacements of the sheet.
+    pub errors: &'a MapErrors,
+    /// Of the body's axes in the tank.
+    pub attitude: Matrix3<f64>,
+}
+
+impl MapMoves<'_> {
+    /// What the vehicle would have to move by \[m, tank\] for the light at a pixel to change as it does with each error: a sheet point that
+    /// is displaced meets the target where that of a displaced vehicle does, to first order in the way from sheet to target.
+    fn at(&self, [column_px, row_px]: [f64; 2]) -> impl Iterator<Item = Vector3<f64>> {
+        let at = self.errors.at(column_px, row_px);
+        at.map(|[xi_m, eta_m]| self.attitude * Vector3::new(0.0, -xi_m, -eta_m))
+    }
+}
+
 /// Sums over the pixels.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Sums {
@@ -63,6 +86,8 @@ pub(crate) struct Sums {
     pub cost: f64,
     pub tally: Tally,
     pub edges: EdgesSeen,
+    /// Jᵀ W times what the residuals change by with each error of the map, of one standard deviation.
+    pub by_map: ByMap,
     /// Where the run's parameters are estimated: residuals across the line.
     pub line_residuals: LineResiduals,
 }
@@ -203,6 +228,8 @@ pub(super) struct Counter<'a> {
     along: (usize, f64, f64),
     /// Sd of the cell's dark beyond all that.
     dark_sd: f64,
+    /// Errors of the map whose loadings are wanted.
+    pub map_moves: Option<MapMoves<'a>>,
     /// Share of the blur that the light was taken to get on the pixel grid.
     pub grid_share: f64,
     /// The one of them whose pixels are at hand.
@@ -238,6 +265,7 @@ impl<'a> Counter<'a> {
             uneven: None,
             along: (0, 0.0, 0.0),
             dark_sd: 0.0,
+            map_moves: None,
             grid_share: 0.0,
             edge: 0,
         }
@@ -350,6 +378,7 @@ impl<'a> Counter<'a> {
         self.empty();
         if let Some(cell) = self.cell.take() {
             self.leave_dark_open();
+            self.move_map(&cell);
             let all = (&mut *self.lower, &mut self.sums.gradient);
             cell.spread(
                 self.state,
@@ -361,6 +390,21 @@ impl<'a> Counter<'a> {
                 row[..self.used].fill(0.0);
             }
             self.gradient[..self.used].fill(0.0);
+        }
+    }
+
+    /// Adds what the cell's sums change by with each error of the map: that of a shift of the vehicle, the cell's own.
+    fn move_map(&mut self, cell: &Cell) {
+        let Some(moves) = &self.map_moves else { return };
+        for (k, shift) in moves.at(cell.middle_px).enumerate() {
+            let mut column = [0.0; LOCAL];
+            for (a, sum) in column.iter_mut().enumerate().take(self.used) {
+                *sum = (0..3)
+                    .map(|b| self.information[a.max(b)][a.min(b)] * shift[b])
+                    .sum();
+            }
+            let mut all = self.sums.by_map.column_mut(k);
+            cell.spread_column(self.state, self.used, &column, |a, by| all[a] += by);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Measurement that a frame contributes: its pose with the sheet's thickness.
 
-use crate::joint::JointPose;
+use crate::joint::{JointPose, MapLoadings};
 use nalgebra::SMatrix;
 
 /// A pose with the sheet's thickness, as one frame gave them.
@@ -10,6 +10,8 @@ pub struct Measured {
     pub values: [f64; 7],
     /// Their covariance, SI.
     pub covariance: SMatrix<f64, 7, 7>,
+    /// What errors that all poses share do to it.
+    pub loadings: MapLoadings,
     /// Whether the frame determined each number of the pose.
     pub measured: [bool; 6],
     /// The thickness was fitted, not held.
@@ -22,6 +24,7 @@ impl From<&JointPose> for Measured {
         Measured {
             values: std::array::from_fn(|i| pose.get(i).copied().unwrap_or(fit.thickness_m)),
             covariance: fit.covariance_with_thickness,
+            loadings: fit.loadings,
             measured: fit.measured,
             thickness: fit.covariance_with_thickness[(6, 6)] > 0.0,
         }

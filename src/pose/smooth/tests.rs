@@ -53,6 +53,7 @@ fn run(pitch_rad: f64, frames: u64, seed: u64) -> (Vec<[f64; 6]>, Vec<MeasuredFr
         measured.push(MeasuredFrame {
             stamp_ns: 1_000_000_000 + k * FRAME_NS,
             measured: Some(Measured {
+                loadings: crate::joint::MapLoadings::zeros(),
                 values: std::array::from_fn(|i| eta.get(i).copied().unwrap_or(0.002) + noise[i]),
                 covariance,
                 measured: [true; 6],

@@ -17,6 +17,16 @@ const POSE_SD: [&str; 6] = [
     "psi_sd_rad",
 ];
 
+/// Columns of the standard deviations of its own error, without what all poses of a calibration share.
+const POSE_OWN_SD: [&str; 6] = [
+    "x_own_sd_m",
+    "y_own_sd_m",
+    "z_own_sd_m",
+    "phi_own_sd_rad",
+    "theta_own_sd_rad",
+    "psi_own_sd_rad",
+];
+
 /// A kind of message that becomes a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
@@ -75,6 +85,11 @@ fn motion() -> Columns<pb::VehicleMotion> {
         columns.f64s(name, move |m| {
             let known = m.covariance.len() == COVARIANCE;
             known.then(|| m.covariance[7 * k].sqrt())
+        });
+    }
+    for (k, name) in POSE_OWN_SD.into_iter().enumerate() {
+        columns.f64s(name, move |m| {
+            m.own_covariance().map(|own| own[7 * k].max(0.0).sqrt())
         });
     }
     columns.fixed_lists("covariance", COVARIANCE, |m| &m.covariance);

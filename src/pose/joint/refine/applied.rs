@@ -102,6 +102,7 @@ impl Sheet {
             pose,
             covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
             covariance_with_thickness,
+            loadings: slopes * fit.loadings,
             ..fit
         }
     }
