@@ -143,6 +143,7 @@ pub(super) fn placement(text: &str) -> Result<Placement, String> {
         xi_m,
         eta_m,
         turn_rad: turn_deg.to_radians(),
+        is_by_rig: false,
     })
 }
 

@@ -333,8 +333,9 @@ fn motion(m: &pb::VehicleMotion, log_ns: u64, stamp_ns: u64, row: &mut Row<'_>) 
         row.maybe(value.filter(|v| v.is_finite()));
     }
     let own = m.own_covariance().filter(|_| !m.shared_loadings.is_empty());
-    row.text(&own.map_or_else(String::new, |own| joined(&own)));
-    row.text(&joined(&m.shared_loadings));
+    row.cell(own.map_or_else(String::new, |own| joined(&own)));
+    // Numbers alone: no text that a spreadsheet could take for a formula.
+    row.cell(joined(&m.shared_loadings));
     row.end();
 }
 

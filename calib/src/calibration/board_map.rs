@@ -3,7 +3,9 @@
 //! pixel → (fitted map) point of the face → (coplanarity) point of the sheet →
 //! (placement) coordinates of the sheet. The covariance gathers all three.
 
-use nalgebra::{DMatrix, Matrix2, Matrix2xX, Rotation2, Vector2};
+use std::sync::OnceLock;
+
+use nalgebra::{DMatrix, Matrix2, Matrix2x3, Matrix2xX, Matrix3, Matrix3xX, Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use super::{Calibration, MapParameters, Medium, Residuals};
@@ -31,6 +33,10 @@ pub struct Placement {
     pub eta_m: f64,
     /// Turn of the board's ξ from the sheet's, towards η \[rad\].
     pub turn_rad: f64,
+    /// The rig's mounts placed it: by the rigid motion that brings the nodes nearest to where the rig sees them, so that no error of the
+    /// calibration moves all nodes alike. Default: false, a person measured it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_by_rig: bool,
 }
 
 impl Placement {
@@ -148,6 +154,13 @@ pub(super) struct BoardMap {
     calibration: Calibration,
     map: FittedMap,
     placement: Placement,
+    /// Change of the placement with each parameter, where the nodes place the board.
+    replaced: OnceLock<Matrix3xX<f64>>,
+}
+
+/// Motion of a point with a rigid motion: shift along ξ, along η, turn.
+fn rigid([xi_m, eta_m]: [f64; 2]) -> Matrix2x3<f64> {
+    Matrix2x3::new(1.0, 0.0, -eta_m, 0.0, 1.0, xi_m)
 }
 
 impl BoardMap {
@@ -156,6 +169,47 @@ impl BoardMap {
             placement: calibration.placement.unwrap_or_default(),
             calibration,
             map,
+            replaced: OnceLock::new(),
+        }
+    }
+
+    /// Motion of the point seen at a pixel with each parameter, and the point, in the board's coordinates.
+    fn on_board(&self, column_px: f64, row_px: f64) -> Option<(Matrix2xX<f64>, [f64; 2])> {
+        let mut slopes = self.map.parameter_slopes(column_px, row_px)?;
+        let at = self.map.to_plane(column_px, row_px)?;
+        let Some(gap) = &self.calibration.coplanarity else {
+            return Some((slopes, [at.xi_m, at.eta_m]));
+        };
+        // The gap's own share of what a point moves by is some thousandths.
+        let from = slopes.ncols();
+        slopes = slopes.resize_horizontally(from + GAP, 0.0);
+        slopes
+            .fixed_columns_mut::<GAP>(from)
+            .copy_from(&gap.slopes(at.xi_m, at.eta_m));
+        Some((slopes, gap.face_to_sheet(at.xi_m, at.eta_m)))
+    }
+
+    /// Change of the placement with each parameter: the nodes are brought back to where the rig sees them.
+    fn replaced(&self) -> Matrix3xX<f64> {
+        let count = self.parameter_covariance().nrows();
+        let (mut square, mut pulled) = (Matrix3::zeros(), Matrix3xX::zeros(count));
+        for node in &self.calibration.nodes {
+            let pixel = self.map.to_image(node.xi_m, node.eta_m);
+            // Nodes at the region's border are seen a little inside of it.
+            let inside = |(column_px, row_px)| {
+                let tried = [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+                tried.into_iter().find_map(|by| {
+                    self.on_board(column_px + BORDER_PX * by[0], row_px + BORDER_PX * by[1])
+                })
+            };
+            if let Some((slopes, at)) = pixel.and_then(inside) {
+                square += rigid(at).transpose() * rigid(at);
+                pulled += rigid(at).transpose() * slopes;
+            }
+        }
+        match square.try_inverse() {
+            Some(inverse) => -(inverse * pulled),
+            None => Matrix3xX::zeros(count),
         }
     }
 }
@@ -178,15 +232,9 @@ impl PlaneMap for BoardMap {
     }
 
     fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
-        let mut slopes = self.map.parameter_slopes(column_px, row_px)?;
-        if let Some(gap) = &self.calibration.coplanarity {
-            // The gap's own share of what a point moves by is some thousandths.
-            let at = self.map.to_plane(column_px, row_px)?;
-            let from = slopes.ncols();
-            slopes = slopes.resize_horizontally(from + GAP, 0.0);
-            slopes
-                .fixed_columns_mut::<GAP>(from)
-                .copy_from(&gap.slopes(at.xi_m, at.eta_m));
+        let (mut slopes, at) = self.on_board(column_px, row_px)?;
+        if self.placement.is_by_rig {
+            slopes += rigid(at) * self.replaced.get_or_init(|| self.replaced());
         }
         Some(Rotation2::new(self.placement.turn_rad).matrix() * slopes)
     }

@@ -84,6 +84,7 @@ fn provenance() -> Provenance {
             xi_m: 0.01,
             eta_m: 0.02,
             turn_rad: 0.01,
+            is_by_rig: false,
         },
         coplanarity: Coplanarity::unknown("not looked at", [0.0, 0.46, 0.46]),
     }
@@ -263,4 +264,54 @@ fn drift_and_agreement() {
     let aligned = compare(&old, &pose, true).unwrap();
     assert!(!aligned.drifted(), "{}", aligned.words());
     assert!((aligned.removed.unwrap()[0].abs() - 0.02).abs() < 1e-3);
+}
+
+#[test]
+fn parameters_move_points_by_what_the_map_states_of_its_own_uncertainty() {
+    // The homography states beside it what its model leaves of a port's refraction, which is no parameter.
+    for (method, least) in [(Method::Homography, 0.5), (Method::Refractive, 0.99)] {
+        let map = calibration(method, 4, &Rig::behind_port(), 0.0).to_map();
+        let by = map.parameter_slopes(350.0, 280.0).unwrap();
+        let found = &by * map.parameter_covariance() * by.transpose();
+        let stated = map.to_plane(350.0, 280.0).unwrap().covariance_m2;
+        for i in 0..2 {
+            let ratio = found[(i, i)] / stated[(i, i)];
+            assert!((least..1.01).contains(&ratio), "{method:?} {i}: {ratio}");
+        }
+        assert!(map.parameter_slopes(-500.0, 280.0).is_none());
+    }
+}
+
+/// What the rig's mounts place lies where they see it, whatever the calibration errs in all nodes alike.
+#[test]
+fn a_board_that_the_rig_places_has_no_error_that_moves_all_nodes_alike() {
+    let mut made = calibration(Method::Homography, 4, &Rig::behind_port(), 0.0);
+    let free = made.to_map();
+    let mut placement = made.placement.unwrap();
+    placement.is_by_rig = true;
+    made.placement = Some(placement);
+    let held = made.to_map();
+    let means = [&free, &held].map(|map| {
+        let each = made.nodes.iter().filter_map(|n| {
+            let pixel = free.to_image(
+                placement.xi_m + n.xi_m - placement.turn_rad * n.eta_m,
+                placement.eta_m + n.eta_m + placement.turn_rad * n.xi_m,
+            )?;
+            map.parameter_slopes(pixel.0, pixel.1)
+        });
+        let (count, sum) = each.fold(
+            (
+                0,
+                nalgebra::Matrix2xX::zeros(free.parameter_covariance().nrows()),
+            ),
+            |(n, s), by| (n + 1, s + by),
+        );
+        assert!(count > 50);
+        let mean = sum / f64::from(count);
+        (&mean * map.parameter_covariance() * mean.transpose())
+            .trace()
+            .sqrt()
+    });
+    // Border nodes may fall out of the region by rounding.
+    assert!(means[1] < 0.1 * means[0], "{means:?}");
 }

@@ -198,6 +198,7 @@ fn placement(setup: &Setup, map: &SheetMap) -> Placement {
         xi_m: -xi,
         eta_m: rig.mounts.h_centre_m - rig.mounts.h_camera_m - eta,
         turn_rad: 0.0,
+        is_by_rig: false,
     }
 }
 

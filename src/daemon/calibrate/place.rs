@@ -142,6 +142,7 @@ pub(super) fn place(
             xi_m: shift[0],
             eta_m: shift[1],
             turn_rad: turn.angle(),
+            is_by_rig: true,
         },
         PlacedBy::Rig {
             rms_m: (square / count).sqrt(),

@@ -114,6 +114,7 @@ fn what_a_person_measured_stands_and_without_a_rig_nothing_is_claimed() {
         xi_m: 0.1,
         eta_m: -0.2,
         turn_rad: 0.0,
+        is_by_rig: false,
     };
     let setup = Setup {
         at: Some(at),
