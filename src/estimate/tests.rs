@@ -2,6 +2,8 @@
 
 #[path = "tests/unit/budget.rs"]
 mod budget;
+#[path = "tests/unit/calibrations.rs"]
+mod calibrations;
 #[path = "tests/unit/coverage.rs"]
 mod coverage;
 #[path = "tests/unit/ensembles.rs"]

@@ -40,6 +40,14 @@ impl SharedErrors {
             .unwrap_or_default()
     }
 
+    /// Variance of x, y, z \[m²\], φ, θ, ψ \[rad²\] by all of them, of the pose next to a time.
+    pub fn variance_at(&self, t_s: f64) -> [f64; 6] {
+        let each = (0..self.len()).map(|error| self.at(error, t_s));
+        each.fold([0.0; 6], |sum, by| {
+            std::array::from_fn(|i| sum[i] + by[i] * by[i])
+        })
+    }
+
     /// The same on a clock on which all is later by so much \[s\].
     #[must_use]
     pub fn later_by(&self, by_s: f64) -> SharedErrors {
@@ -81,6 +89,7 @@ mod tests {
         );
         assert_eq!(shared.later_by(-0.5).at(0, 0.1)[1], 2.0);
         assert_eq!(shared.at(1, 0.0), [0.0; 6]);
+        assert_eq!(shared.variance_at(0.9)[1], 4.0);
         assert_eq!(shared.len(), 1);
         assert!(SharedErrors::default().is_empty());
         assert_eq!(SharedErrors::default().at(0, 0.0), [0.0; 6]);

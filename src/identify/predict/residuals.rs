@@ -139,7 +139,9 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
             found.motion.push(sample.values);
             found.residual.push(left);
             let band = (!made.sd.is_empty()).then(|| between(&made.sd, at));
-            found.sd.push(sd(sample, band));
+            let shared = run.shared_errors.as_ref();
+            let shared = shared.map_or([0.0; 6], |s| s.variance_at(sample.t_s));
+            found.sd.push(sd((sample, shared), band));
         }
     }
     if found.t_s.is_empty() {
@@ -156,10 +158,11 @@ pub fn beside(made: &Prediction, run: &Run, start_s: f64) -> Result<Measured, No
     Ok(found)
 }
 
-/// sd of a residual from the prediction's and the sample's own, which are independent.
-fn sd(sample: &Sample, band: Option<PerChannel<f64>>) -> PerChannel<f64> {
+/// sd of a residual from the prediction's, the sample's own and what its run shares, which are independent.
+fn sd((sample, shared): (&Sample, [f64; 6]), band: Option<PerChannel<f64>>) -> PerChannel<f64> {
     PerChannel::from_fn(|c| {
-        let logged = sample.variance(c).filter(|v| v.is_finite());
+        let logged = sample.variance(c).map(|own| own + shared[c.index()]);
+        let logged = logged.filter(|v| v.is_finite());
         let parts = [band.map(|sd| sd[c] * sd[c]), logged];
         let variance = parts.into_iter().flatten().reduce(|a, b| a + b);
         variance.map_or(f64::NAN, f64::sqrt)

@@ -1,6 +1,8 @@
 //! Simulated experiments in surge whose truth is known, for the coverage of intervals.
 
-use hydroline_core::run::{Channel, Command, Joined, PerChannel, Run, Sample};
+use hydroline_core::run::{
+    Channel, Command, Joined, Loadings, PerChannel, Run, Sample, SharedErrors,
+};
 use hydroline_identify::parameter::Coefficient;
 use hydroline_rigs::{Dof, ParameterValue, PhysicsEntry, Rig, Vehicle};
 use hydroline_sim::model::{Model, ModelState};
@@ -46,7 +48,12 @@ pub struct Truth {
     pub length_share: f64,
     /// What is added to every pose, by run \[m\].
     pub shared_m: Vec<f64>,
+    /// Calibration of each run by name, which errs by so many sds of [`STRETCH`]; none: its poses state nothing that they share.
+    pub calibrations: Vec<(&'static str, f64)>,
 }
+
+/// sd of the length that a run's calibration gives to a metre.
+pub const STRETCH: f64 = 5e-3;
 
 impl Truth {
     /// A rig's vehicle.
@@ -57,6 +64,7 @@ impl Truth {
             thrust_share: 1.0,
             length_share: 1.0,
             shared_m: Vec::new(),
+            calibrations: Vec::new(),
         }
     }
 
@@ -122,10 +130,18 @@ fn run(truth: &Truth, index: usize, plan: Plan, noise: Noise, rng: &mut StdRng) 
         }),
         ..Run::default()
     };
+    let calibration = truth.calibrations.get(index);
+    let mut poses = Vec::new();
     for k in 0..600_u32 {
         let t_s = 0.006 + 0.04 * f64::from(k);
         let x_m = path.state_at(t_s).unwrap().vehicle.eta[0];
         let x_m = truth.length_share * x_m + truth.shared_m.get(index).copied().unwrap_or(0.0);
+        let by_m = STRETCH * x_m;
+        poses.push(Loadings {
+            t_s: t_s + 0.1,
+            by: vec![[by_m, 0.0, 0.0, 0.0, 0.0, 0.0]],
+        });
+        let x_m = x_m + by_m * calibration.map_or(0.0, |(_, sds)| *sds);
         colour = decay * colour + (1.0 - decay * decay).sqrt() * normal(rng);
         let is_worse = noise == Noise::Uneven && k % 2 == 0;
         let white_m = if is_worse { 10.0 * WHITE_M } else { WHITE_M };
@@ -148,6 +164,10 @@ fn run(truth: &Truth, index: usize, plan: Plan, noise: Noise, rng: &mut StdRng) 
             covariance,
         });
     }
+    run.shared_errors = calibration.map(|(owner, _)| SharedErrors {
+        owner: (*owner).to_owned(),
+        poses,
+    });
     run
 }
 
