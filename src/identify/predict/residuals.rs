@@ -369,9 +369,13 @@ mod tests {
             values: PerChannel::splat(0.0),
             covariance: Some(Box::new(covariance)),
         };
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[Channel::X], 5.0);
-        assert_eq!(sd(&sample, None)[Channel::X], 4.0);
-        assert_eq!(sd(&sample, Some(PerChannel::splat(3.0)))[Channel::U], 3.0);
+        let none = [0.0; 6];
+        let band = Some(PerChannel::splat(3.0));
+        assert_eq!(sd((&sample, none), band)[Channel::X], 5.0);
+        let shared = [20.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(sd((&sample, shared), None)[Channel::X], 6.0);
+        assert_eq!(sd((&sample, none), None)[Channel::X], 4.0);
+        assert_eq!(sd((&sample, none), band)[Channel::U], 3.0);
         assert!(sd(&sample, None)[Channel::U].is_nan());
     }
 
