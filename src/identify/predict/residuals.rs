@@ -376,7 +376,7 @@ mod tests {
         assert_eq!(sd((&sample, shared), None)[Channel::X], 6.0);
         assert_eq!(sd((&sample, none), None)[Channel::X], 4.0);
         assert_eq!(sd((&sample, none), band)[Channel::U], 3.0);
-        assert!(sd(&sample, None)[Channel::U].is_nan());
+        assert!(sd((&sample, none), None)[Channel::U].is_nan());
     }
 
     #[test]
