@@ -9,6 +9,8 @@
 
 mod clutter;
 pub mod hand;
+pub mod hard;
+mod jpeg;
 /// The camera of the lab's comparison of maps, which no map knows.
 #[path = "../../../src/lab/maps/truth.rs"]
 pub mod truth;
