@@ -19,6 +19,7 @@ use hydroline_identify::Identification;
 use hydroline_identify::parameter::{Coefficient, Term};
 use hydroline_numerics::parallel;
 use hydroline_rigs::{Dof, Rig};
+use nalgebra::{DMatrix, SymmetricEigen};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -61,6 +62,8 @@ fn fit(runs: &[Run], rig: &Rig) -> Result<Identification, EstimateError> {
         rig,
         &Options {
             model: ModelChoice::Coupled,
+            // A prior is the same on both days, and says nothing of what lies between them.
+            flat_priors: true,
             cross_validate: false,
             budget: false,
             ..Options::default()
@@ -94,9 +97,10 @@ pub fn change(
     };
     // With its chi-square (see [`crate::change`]) and its independent samples.
     let (as_is, chi2_as_is, samples) = day(&start)?;
-    // Covariance of the whole fit beyond the noise's (misfit, errors that poses share) widens a day's coefficients as those before.
+    // Both sides by one estimator: what a model that is wrong does to it, both have alike.
     let noise_alone = refit(&runs_before, &start, &before, false).map_err(words)?;
     let wider = Wider::of(&reference, &noise_alone);
+    let reference = wider.apply(&noise_alone);
     let compared = Compared::of(&reference, &wider.apply(&as_is))
         .ok_or("no coefficient is determined on both sides")?;
     let unchanged = chi2_as_is + compared.distance(&|_, v| v);
@@ -152,39 +156,68 @@ fn at(rig: &Rig, coefficients: &Coefficients) -> Rig {
     with
 }
 
-/// Covariance of a whole fit beyond that of its noise alone.
-struct Wider(BTreeMap<(String, String), f64>);
+/// How far errors go over what the noise alone makes of them (misfit, what residuals leave open of the noise), by the days before.
+///
+/// Errors of the noise alone are e = C_n^(1/2) z; those of the whole fit are T e, where T C_n Tᵀ is its covariance and T is symmetric by
+/// the measure of C_n. A day's errors go as much farther, whatever its runs say: T C_d Tᵀ.
+struct Wider {
+    keys: Vec<String>,
+    noise_alone: DMatrix<f64>,
+    whole: DMatrix<f64>,
+}
 
 impl Wider {
     fn of(whole: &Coefficients, noise_alone: &Refitted) -> Self {
-        let at = |key: &String| noise_alone.order.iter().position(|k| k == key);
-        let mut more = BTreeMap::new();
-        for (i, a) in whole.order.iter().enumerate() {
-            for (j, b) in whole.order.iter().enumerate() {
-                if let (Some(k), Some(l)) = (at(a), at(b)) {
-                    let beyond = whole.covariance[i][j] - noise_alone.covariance[k][l];
-                    more.insert((a.clone(), b.clone()), beyond);
-                }
-            }
+        let place = |order: &[String], key: &String| order.iter().position(|k| k == key);
+        let places: Vec<(usize, usize)> = (0..whole.order.len())
+            .filter_map(|i| Some((i, place(&noise_alone.order, &whole.order[i])?)))
+            .filter(|(_, k)| noise_alone.covariance[*k][*k].is_finite())
+            .collect();
+        let n = places.len();
+        Self {
+            keys: places
+                .iter()
+                .map(|(i, _)| whole.order[*i].clone())
+                .collect(),
+            noise_alone: DMatrix::from_fn(n, n, |i, j| {
+                noise_alone.covariance[places[i].1][places[j].1]
+            }),
+            whole: DMatrix::from_fn(n, n, |i, j| whole.covariance[places[i].0][places[j].0]),
         }
-        Self(more)
+    }
+
+    /// T of these coefficients, by their places; none where the runs before do not determine them beside each other.
+    fn stretch(&self, places: &[usize]) -> Option<DMatrix<f64>> {
+        let of = |m: &DMatrix<f64>| m.select_rows(places).select_columns(places);
+        let root = of(&self.noise_alone).cholesky()?.unpack();
+        let left = root.solve_lower_triangular(&of(&self.whole))?;
+        let ratio = root.solve_lower_triangular(&left.transpose())?;
+        let mut squares = SymmetricEigen::new(ratio);
+        squares.eigenvalues.apply(|v| *v = v.max(0.0).sqrt());
+        let inverse =
+            root.solve_lower_triangular(&DMatrix::identity(places.len(), places.len()))?;
+        Some(&root * squares.recompose() * inverse)
     }
 
     /// Coefficients of a refit, of those that the whole fit knows too.
     fn apply(&self, found: &Refitted) -> Coefficients {
-        let known = |key: &String| self.0.contains_key(&(key.clone(), key.clone()));
-        let kept: Vec<usize> = (0..found.order.len())
-            .filter(|k| known(&found.order[*k]) && found.covariance[*k][*k].is_finite())
-            .collect();
-        let entry = |i: usize, j: usize| {
-            let pair = (found.order[i].clone(), found.order[j].clone());
-            found.covariance[i][j] + self.0.get(&pair).copied().unwrap_or(0.0)
+        let known = |k: &usize| {
+            let place = self.keys.iter().position(|key| *key == found.order[*k])?;
+            (found.covariance[*k][*k].is_finite()).then_some((*k, place))
         };
-        let number = |k: &usize| {
-            let key = &found.order[*k];
+        let (kept, places): (Vec<usize>, Vec<usize>) =
+            (0..found.order.len()).filter_map(|k| known(&k)).unzip();
+        let n = kept.len();
+        let alone = DMatrix::from_fn(n, n, |i, j| found.covariance[kept[i]][kept[j]]);
+        let covariance = match self.stretch(&places) {
+            Some(t) => &t * alone * t.transpose(),
+            None => alone,
+        };
+        let number = |i: usize| {
+            let key = &found.order[kept[i]];
             let number = Number {
                 value: *found.values.get(key)?,
-                sd: Some(entry(*k, *k).sqrt()),
+                sd: Some(covariance[(i, i)].sqrt()),
                 low: None,
                 high: None,
                 rig: f64::NAN,
@@ -192,11 +225,10 @@ impl Wider {
             Some((key.clone(), number))
         };
         Coefficients {
-            numbers: kept.iter().filter_map(number).collect(),
+            numbers: (0..n).filter_map(number).collect(),
             order: kept.iter().map(|k| found.order[*k].clone()).collect(),
-            covariance: kept
-                .iter()
-                .map(|i| kept.iter().map(|j| entry(*i, *j)).collect())
+            covariance: (0..n)
+                .map(|i| covariance.row(i).iter().copied().collect())
                 .collect(),
             ..Coefficients::default()
         }
@@ -314,7 +346,7 @@ struct Compared {
     before: Vec<f64>,
     day: Vec<f64>,
     /// Inverse of the sum, and the logarithm of its determinant, by Cholesky.
-    covariance: nalgebra::DMatrix<f64>,
+    covariance: DMatrix<f64>,
 }
 
 impl Compared {
@@ -335,7 +367,7 @@ impl Compared {
             return None;
         }
         let n = kept.len();
-        let covariance = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+        let covariance = DMatrix::from_fn(n, n, |a, b| {
             before.covariance[kept[a].0][kept[b].0] + day.covariance[kept[a].1][kept[b].1]
         });
         let value = |of: &Coefficients, key: &str| of.numbers.get(key).map(|n| n.value);
@@ -367,7 +399,7 @@ impl Compared {
     /// Any change of any coefficient: Δ ~ N(0, C + C_d + P), against the density that the day's own fit has at Δ = 0.
     fn anything(&self, ln_prior: f64, chi2: f64) -> Hypothesis {
         let n = self.keys.len();
-        let wide = nalgebra::DMatrix::from_fn(n, n, |a, b| {
+        let wide = DMatrix::from_fn(n, n, |a, b| {
             let own = if a == b {
                 (ELSE_SHARE * self.before[a]).powi(2)
             } else {
@@ -452,7 +484,7 @@ impl Hypothesis {
             }
             tried.push((vertex, objective(vertex)));
         }
-        let curvature = parabola(&mut tried).map_or(0.0, |(_, c)| c);
+        let curvature = parabola(&mut tried).map_or_else(|| secant(&tried), |(_, c)| c);
         let (value, least) = tried.first().copied().unwrap_or((f64::NAN, f64::INFINITY));
         // J about its least is (s - s0)² / sd²; wider than the prior it cannot be.
         let sd = (1.0 / curvature.max(1e-12).sqrt()).min(THRUSTER[1] - THRUSTER[0]);
@@ -482,6 +514,17 @@ fn parabola(points: &mut [(f64, f64)]) -> Option<(f64, f64)> {
     let (slope, other) = ((fb - fa) / (b - a), (fc - fa) / (c - a));
     let curvature = (slope - other) / (b - c);
     (curvature > 0.0 && fc.is_finite()).then(|| (0.5 * (a + b - slope / curvature), curvature))
+}
+
+/// Curvature of a parabola about the best of the points through the nearest other one. Three that have no least between them (a fit
+/// that ended early is among them) are no likelihood that is flat.
+fn secant(points: &[(f64, f64)]) -> f64 {
+    let Some(((best, least), others)) = points.split_first() else {
+        return 0.0;
+    };
+    let far = |p: &&(f64, f64)| (p.0 - best).abs();
+    let nearest = others.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+    nearest.map_or(0.0, |p| (p.1 - least) / far(&p).powi(2))
 }
 
 /// Golden section search (Kiefer 1953).
@@ -597,6 +640,45 @@ mod tests {
         assert!((found.ln - (-3.5 + (0.05 * TAU.sqrt()).ln())).abs() < 1e-2);
     }
 
+    /// The difference of two covariances was added to a day's: where the whole fit is surer than the noise taken, less than none was left.
+    #[test]
+    fn errors_of_a_day_are_stretched_as_those_before_and_stay_errors() {
+        let refitted = |covariance: [[f64; 2]; 2]| Refitted {
+            values: BTreeMap::from([("x_u".to_owned(), -20.0), ("x_uu".to_owned(), -200.0)]),
+            order: vec!["x_u".to_owned(), "x_uu".to_owned()],
+            covariance: covariance.map(Vec::from).to_vec(),
+            runs: Vec::new(),
+        };
+        let before = refitted([[4.0, -3.0], [-3.0, 9.0]]);
+        for scale in [0.25, 2.0] {
+            let whole = Coefficients {
+                order: before.order.clone(),
+                covariance: [[4.0, -3.0], [-3.0, 9.0]]
+                    .map(|row| row.map(|v| scale * v).to_vec())
+                    .to_vec(),
+                ..Coefficients::default()
+            };
+            let wider = Wider::of(&whole, &before);
+            let day = wider.apply(&refitted([[1.0, 0.5], [0.5, 2.0]]));
+            for (i, j, alone) in [(0, 0, 1.0), (0, 1, 0.5), (1, 1, 2.0)] {
+                let found = day.covariance[i][j];
+                assert!(
+                    (found - scale * alone).abs() < 1e-9,
+                    "{scale} {i} {j} {found}"
+                );
+            }
+        }
+        // In one direction only: x_u's error is three times as far, its share of the other's as well.
+        let whole = Coefficients {
+            order: before.order.clone(),
+            covariance: vec![vec![36.0, -9.0], vec![-9.0, 9.0]],
+            ..Coefficients::default()
+        };
+        let again = Wider::of(&whole, &before).apply(&before);
+        assert!((again.covariance[0][0] - 36.0).abs() < 1e-9);
+        assert!((again.covariance[0][1] + 9.0).abs() < 1e-9);
+    }
+
     #[test]
     fn a_number_is_printed_to_the_digits_of_its_sd() {
         assert_eq!(with_sd(2.00312, 0.0123), "2.003 ± 0.012");
@@ -619,6 +701,19 @@ mod tests {
         );
         assert!((found.value - 0.6).abs() < 3e-4, "{}", found.value);
         assert!((found.sd / 1e-3 - 1.0).abs() < 0.1, "{}", found.sd);
+    }
+
+    /// A day that was as the one before became undecided: "h_fore_port gives 1.0 ± 1.2 of its thrust".
+    #[test]
+    fn a_search_whose_trials_have_no_parabola_is_no_flat_likelihood() {
+        let objective = |s: f64| 500.0 + 1000.0 * (s - 1.0).abs().sqrt();
+        let what = || What::Thruster("a".to_owned());
+        let found = Hypothesis::searched(what(), 0.0, &objective, objective(1.0));
+        assert!(found.value == 1.0 && found.sd < 0.02, "{}", found.sd);
+        // Where no fit but that of the whole thrust is possible, no other share has any probability.
+        let alone = |_: f64| f64::INFINITY;
+        let found = Hypothesis::searched(what(), 0.0, &alone, 500.0);
+        assert!(found.value == 1.0 && found.ln == f64::NEG_INFINITY);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use std::path::Path;
 use chrono::{DateTime, Utc};
 use hydroline_core::plain;
 use hydroline_core::run::{Channel, Run};
+use hydroline_core::session::FREE_KEY;
 use hydroline_identify::data::LoadError;
 use hydroline_identify::merged::Merged;
 use hydroline_identify::{Seen, seen};
@@ -127,6 +128,15 @@ impl Published {
         at.format("%Y-%m-%dT%H:%M:%SZ").to_string()
     }
 
+    /// Statements under keys of the recorder's own (`record --set`): KEY=VALUE, with semicolons between.
+    fn free_keys(&self) -> String {
+        let free = self.session.iter().filter_map(|(key, value)| {
+            let key = key.strip_prefix(FREE_KEY)?;
+            Some(format!("{key}={value}"))
+        });
+        free.collect::<Vec<_>>().join("; ")
+    }
+
     /// Cells of runs.csv with the names of their columns.
     fn row(&self, waiting_s: Option<f64>) -> Vec<(String, String)> {
         let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
@@ -174,8 +184,10 @@ impl Published {
             let largest = self.largest_load.and_then(|l| l.get(d).copied());
             add(&format!("largest_{name}"), number(largest));
         }
-        let note = self.said("note").replace(['\n', '\r'], " ");
-        add("note", plain::cell(&note).into_owned());
+        let line = |text: &str| plain::cell(&text.replace(['\n', '\r'], " ")).into_owned();
+        add("operator", line(self.said("operator")));
+        add("free_keys", line(&self.free_keys()));
+        add("note", line(self.said("note")));
         row
     }
 }

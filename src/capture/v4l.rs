@@ -21,6 +21,7 @@ use hydroline_core::frame::{Frame, FrameFault, FrameMeta};
 pub mod check;
 pub mod controls;
 pub mod device;
+#[cfg(feature = "v4l2")]
 pub mod kernel;
 pub mod pool;
 pub mod setup;

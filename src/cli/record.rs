@@ -1,5 +1,6 @@
 //! `hydroline record`: the daemon on the command line.
 
+mod conditions;
 mod plan_once;
 mod series;
 pub(super) mod until;
@@ -141,6 +142,13 @@ pub struct Args {
     /// Ballast on the vehicle [kg]
     #[arg(long, value_parser = inputs::not_negative, allow_negative_numbers = true, value_name = "KG")]
     ballast: Option<f64>,
+    /// Who records, for the log
+    #[arg(long, value_name = "NAME")]
+    operator: Option<String>,
+    /// Free key for the log, as often as wanted (in its session as set.KEY); water.temperature_c, water.salinity_gpkg and
+    /// ballast_kg are those of --water-temp, --salinity and --ballast
+    #[arg(long, value_name = "KEY=VALUE", value_parser = conditions::key_value)]
+    set: Vec<(String, String)>,
     /// Shows what the plan will do and starts nothing
     #[arg(long)]
     dry_run: bool,
@@ -169,13 +177,7 @@ pub fn run(args: &Args, build: BuildInfo) -> Result<Outcome, CliError> {
             args.rig
         )));
     }
-    let conditions = Conditions {
-        note: args.note.clone(),
-        water_temperature_c: args.water_temp,
-        salinity_gpkg: args.salinity,
-        ballast_kg: args.ballast,
-        medium: args.using.medium,
-    };
+    let conditions = conditions::of(args)?;
     if conditions.n_water().map_err(CliError::Config)?.is_none() && args.salinity.is_some() {
         errln!(
             "hydroline: --salinity without --water-temp: noted in the log, but no refractive index can be made of it"

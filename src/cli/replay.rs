@@ -612,11 +612,7 @@ fn camera(response: &ResponseReport) -> Option<String> {
         _ => "found in this log,",
     };
     if !response.known {
-        return Some(format!(
-            "the camera's response is unknown ({} of its first frames show the target): x, z and pitch are known \
-             accordingly; begin runs at rest over the target",
-            response.frames
-        ));
+        return Some(response.unknown());
     }
     let contradiction = stated.and_then(|s| s.contradiction.as_deref());
     let worth = (gamma - 1.0).abs() > GAMMA_SILENT || contradiction.is_some();

@@ -3,9 +3,13 @@
 use crate::water::refractive_index;
 use hydroline_calib::Medium;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// Laser wavelength for the refractive index \[nm\]: the green line lasers of the field.
 const WAVELENGTH_NM: f64 = 532.0;
+
+/// Beginning of the names that free keys have in a log's session: none is taken for something that hydroline writes or reads.
+pub const FREE_KEY: &str = "set.";
 
 /// Conditions that only the person at the tank knows.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -18,6 +22,10 @@ pub struct Conditions {
     pub salinity_gpkg: Option<f64>,
     /// Extra ballast on the vehicle \[kg\].
     pub ballast_kg: Option<f64>,
+    /// Who records.
+    pub operator: Option<String>,
+    /// Whatever else is to be noted, by key.
+    pub set: BTreeMap<String, String>,
     /// Air, fresh or salt water; `None` = as temperature, salinity and rig say.
     pub medium: Option<Medium>,
 }

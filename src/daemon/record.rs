@@ -16,6 +16,7 @@ pub mod mailbox;
 mod manager;
 mod measured_pose;
 mod pilot;
+mod pose_commands;
 mod progress;
 mod publisher;
 mod session;
@@ -216,6 +217,8 @@ struct Shared {
     unusable: Mutex<Option<String>>,
     controller: Mutex<Option<ControllerClock>>,
     tracker: tracker::Tracker,
+    /// Commands for the poses.
+    commands: pose_commands::PoseCommands,
     /// From image to laser plane; `None` = no poses.
     map: Option<Arc<dyn PlaneMap>>,
     floor: Mutex<Option<limit_monitor::Measured>>,
@@ -332,6 +335,7 @@ pub fn run(
         unusable: Mutex::new(None),
         controller: Mutex::new(None),
         tracker: tracker::Tracker::new(&job.rig),
+        commands: pose_commands::PoseCommands::default(),
         map: parts.map.clone(),
         floor: Mutex::new(None),
         pose: Mutex::new(None),
@@ -475,6 +479,7 @@ fn start_service(
     let sink: Sink = Box::new(move |record| match record {
         LinkRecord::Command(command) => {
             to.tracker.command(&command);
+            to.commands.post(&command);
             if let Some(desk) = &to.desk {
                 desk.post(Note::Command(command.clone()));
             }

@@ -19,7 +19,7 @@ use hydroline_core::frame::{
 use hydroline_identify::data::StillWatch;
 use hydroline_log::messages::{
     self, Stamped,
-    pb::{FrameInfo, PlaneCalibration, StripeProfile, VehicleMotion},
+    pb::{FrameInfo, PlaneCalibration, StripeProfile, ThrusterCommand, VehicleMotion},
     unix_ns,
 };
 use hydroline_log::{
@@ -453,6 +453,12 @@ impl Kinds {
     }
 }
 
+/// Lets a run know of a command.
+fn commanded(run: &mut PoseRun, command: &ThrusterCommand) {
+    let stamp_ns = command.timestamp.as_ref().map_or(0, unix_ns);
+    run.command(stamp_ns, &command.thruster, command.thrust_n);
+}
+
 fn is_in_the_making(calibration: &PlaneCalibration) -> bool {
     !calibration.state.is_empty() && calibration.state != message::IN_FORCE
 }
@@ -495,6 +501,10 @@ impl Analysed {
 impl Replay<'_> {
     fn take(&mut self, message: LogMessage) -> Result<(), ReplayError> {
         self.frames_pending += usize::from(matches!(message.record, Record::Frame(_)));
+        if let (Some(run), Record::Command(command)) = (&mut self.run, &message.record) {
+            // By their stamps: frames that still wait are carried by those before them alone.
+            commanded(run, command);
+        }
         self.pending.push(message);
         let batch = if self.screen.is_some() {
             BATCH_SHOWN

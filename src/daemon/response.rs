@@ -237,6 +237,28 @@ impl Found {
     }
 }
 
+/// Words for an opening of so many frames whose estimates are those of no camera.
+fn of_no_camera(frames: usize) -> String {
+    format!(
+        "the camera's response is unknown: {frames} of the first frames show the target, but only under a response that no camera \
+         has: a sheet or a target that is not the rig's (`replay --refine` finds a sheet's tilt and thickness)"
+    )
+}
+
+impl ResponseReport {
+    /// Words for a response that is not known.
+    pub fn unknown(&self) -> String {
+        if self.frames >= CameraResponse::FRAMES_LEAST {
+            return of_no_camera(self.frames);
+        }
+        format!(
+            "the camera's response is unknown ({} of its first frames show the target): x, z and pitch are known \
+             accordingly; begin runs at rest over the target",
+            self.frames
+        )
+    }
+}
+
 impl Serialize for Found {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.report("recording").serialize(serializer)
@@ -246,6 +268,9 @@ impl Serialize for Found {
 impl std::fmt::Display for Found {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Some(response) = self.response else {
+            if self.frames >= CameraResponse::FRAMES_LEAST {
+                return write!(f, "{}", of_no_camera(self.frames));
+            }
             return write!(
                 f,
                 "the camera's response is unknown: {} of the first frames show the target with all six degrees of \

@@ -15,6 +15,9 @@ use super::options::{ModelChoice, Options};
 /// Scale of a coefficient of which the rig says 0, over what stands for it ([`PriorTable::unsaid`]): the rig knows nothing of it, and the
 /// truth lies anywhere in Table 9's range for a vehicle of this mass, ten times as far.
 const UNSAID: f64 = 10.0;
+/// Probability that the rig's equations miss nothing of a DOF ([`PriorTable::exact`]): as likely as not. Without it every fit had some
+/// random force, below what shows, and intervals of runs in which nothing is left out were half as wide again as their errors.
+const EXACT: f64 = 0.5;
 /// Fewest samples that say how far a DOF moved.
 const MOVED_MIN: usize = 9;
 
@@ -100,6 +103,7 @@ impl Asked {
         }
         body.prior = PriorTable {
             unsaid: UNSAID,
+            exact: EXACT,
             ..PriorTable::default()
         };
         if options.flat_priors {

@@ -49,7 +49,7 @@ pub(crate) fn add_budget(
         result.covariance[i][j].unwrap_or(if i == j { f64::INFINITY } else { 0.0 })
     });
     let mut lines = of_the_fit(result, (fitted, numbers), &places);
-    for (consider, change) in all.iter().zip(changes) {
+    for (consider, (change, chance)) in all.iter().zip(changes) {
         let by: Vec<f64> = places
             .iter()
             .map(|p| p.map_or(0.0, |p| change[p]))
@@ -59,7 +59,7 @@ pub(crate) fn add_budget(
                 combined[(i, j)] += by[i] * by[j];
             }
         }
-        add_line(&mut lines, consider, &result.order, &by);
+        add_line(&mut lines, (consider, chance), &result.order, &by);
     }
     // What moves no coefficient is no source of their uncertainty.
     lines.retain(|l| l.contributions.values().any(|v| *v > 0.0));
@@ -76,6 +76,15 @@ pub(crate) fn add_budget(
         result.notes.push(format!(
             "assumed until measured, and in the combined uncertainty: {} (budget)",
             assumed.join(", ")
+        ));
+    }
+    let unknown = asked.fixed.iter();
+    let unknown = unknown.filter(|c| c.identified_sd(rig).is_none());
+    let unknown: Vec<&str> = unknown.map(|c| c.key()).collect();
+    if !unknown.is_empty() {
+        result.notes.push(format!(
+            "{}: fixed, and the rig states no sd (no [identified]): taken as exactly known, and nothing of it is in the intervals",
+            unknown.join(", ")
         ));
     }
     result.budget = lines;
@@ -103,6 +112,7 @@ fn of_the_fit(
         source: "samples, their colour, the random force".to_owned(),
         kind: "A".to_owned(),
         sd: None,
+        probability: None,
         unit: String::new(),
         basis: "the fit".to_owned(),
         sensitivities: BTreeMap::new(),
@@ -113,6 +123,7 @@ fn of_the_fit(
         source: "clocks of joined logs".to_owned(),
         kind: "B".to_owned(),
         sd: clocks.sd(numbers),
+        probability: None,
         unit: "s".to_owned(),
         basis: "the joining, and what the runs say of it".to_owned(),
         sensitivities: BTreeMap::new(),
@@ -163,7 +174,12 @@ impl Clocks {
 }
 
 /// Adds a source to the lines; runs and channels of one source are one line, whose sensitivity is no number.
-fn add_line(lines: &mut Vec<BudgetLine>, consider: &Consider, keys: &[String], by: &[f64]) {
+fn add_line(
+    lines: &mut Vec<BudgetLine>,
+    (consider, chance): (&Consider, f64),
+    keys: &[String],
+    by: &[f64],
+) {
     let each = || keys.iter().cloned().zip(by).filter(|(_, v)| **v != 0.0);
     if let Some(line) = lines.iter_mut().find(|l| l.source == consider.source) {
         line.sensitivities.clear();
@@ -171,6 +187,8 @@ fn add_line(lines: &mut Vec<BudgetLine>, consider: &Consider, keys: &[String], b
             let sum = line.contributions.entry(key).or_default();
             *sum = sum.hypot(*v);
         }
+        // In either place.
+        line.probability = line.probability.map(|p| p + chance - p * chance);
         return;
     }
     let per_unit = |sd: f64| each().map(|(key, v)| (key, v / sd)).collect();
@@ -178,6 +196,7 @@ fn add_line(lines: &mut Vec<BudgetLine>, consider: &Consider, keys: &[String], b
         source: consider.source.clone(),
         kind: "B".to_owned(),
         sd: consider.sd,
+        probability: consider.prior_ln_odds.map(|_| chance),
         unit: consider.unit.to_owned(),
         basis: consider.basis.clone(),
         sensitivities: consider.sd.map_or_else(BTreeMap::new, per_unit),
@@ -186,8 +205,8 @@ fn add_line(lines: &mut Vec<BudgetLine>, consider: &Consider, keys: &[String], b
     });
 }
 
-/// Change of each natural number of the fit by one sd of each consider parameter.
-fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<Vec<f64>>> {
+/// Change of each natural number of the fit by the standard uncertainty of each consider parameter, and the probability that it acts.
+fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<(Vec<f64>, f64)>> {
     let (problem, fit) = (&fitted.problem, &fitted.fit);
     let n = fit.point.len();
     let mut simulated = problem.simulate(&[], &fit.point)?;
@@ -198,9 +217,11 @@ fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<V
     }
     let size = n + all.len();
     let mut information = DMatrix::<f64>::zeros(size, size);
+    let mut gradient = DVector::<f64>::zeros(size);
     for d in &problem.body.dofs {
         let of = problem.normal(&simulated, *d, fit.cells.misfit[*d], size);
         information += of.information;
+        gradient += of.gradient;
     }
     let known = numbers.at_mode.map(|v| if v.is_finite() { v } else { 0.0 });
     let each = all.iter().enumerate().map(|(k, consider)| {
@@ -209,12 +230,24 @@ fn changes(fitted: &Fitted, numbers: &Numbers, all: &[Consider]) -> Option<Vec<V
         let moved = -(&known * &shared);
         // What is left of the effect's own response beside the fit's numbers tells how large it may still be.
         let seen = (information[(n + k, n + k)] + shared.dot(&moved)).max(0.0);
-        let sd = if consider.is_effect {
-            (1.0 + seen).recip().sqrt()
-        } else {
-            1.0
+        let (sd, chance) = match consider.prior_ln_odds {
+            Some(ln_odds) => of_effect(seen, gradient[n + k], ln_odds),
+            None => (1.0, 1.0),
         };
-        moved.iter().map(|v| v * sd).collect()
+        (moved.iter().map(|v| v * sd).collect(), chance)
     });
     Some(each.collect())
+}
+
+/// Largest amplitude that an effect is taken to have, in typical sizes: what asks for more is no effect but what the model misses.
+const AMPLITUDE_MOST: f64 = 2.0;
+
+/// Standard uncertainty of an effect's amplitude, in typical sizes, and the probability that it acts: normal about none with the
+/// typical size where it does. `seen` = information of the runs beside the fit's numbers, `slope` = gradient of the log likelihood.
+fn of_effect(seen: f64, slope: f64, ln_odds: f64) -> (f64, f64) {
+    let left = (1.0 + seen).recip();
+    let mean = (slope * left).clamp(-AMPLITUDE_MOST, AMPLITUDE_MOST);
+    let gain_ln = slope * mean - 0.5 * mean * mean / left + 0.5 * left.ln();
+    let chance = (1.0 + (-ln_odds - gain_ln).exp()).recip();
+    ((chance * (left + mean * mean)).sqrt(), chance)
 }

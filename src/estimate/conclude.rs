@@ -1,31 +1,26 @@
 //! A fit in numbers and words: intervals, noise, runs, residuals.
 
+mod coefficients;
+
 use std::collections::BTreeMap;
 
 use hydroline_core::run::{Channel, Run};
-use hydroline_identify::adopt::ZERO_WITHIN_SD;
 use hydroline_identify::figures::edges;
-use hydroline_identify::parameter::{Coefficient, Term};
+use hydroline_identify::parameter::Coefficient;
 use hydroline_identify::{
-    Estimate, Identification, Logged, Profile, Residuals, RunSummary, SlotNoise, Trace,
+    Identification, Logged, Residuals, RunSummary, SlotNoise, Trace,
 };
 use hydroline_inference::at_rest::AtRest;
 use hydroline_inference::body::Own;
 use hydroline_numerics::information::correlation;
-use hydroline_numerics::statistics::{LAGS, ljung_box, t95};
-use hydroline_report::significant;
+use hydroline_numerics::statistics::{LAGS, ljung_box};
 use hydroline_rigs::Rig;
 use nalgebra::DMatrix;
 
 use super::asked::Asked;
 use super::fitted::Fitted;
 use super::numbers::Numbers;
-use super::profiles::profiles;
 
-/// Relative sd above which a coefficient is weakly determined: the interval comes from the profile.
-const WEAK: f64 = 0.2;
-/// Correlation with another coefficient above which the same holds.
-const TIED: f64 = 0.95;
 /// sd by the runs alone above which a coefficient counts as not determined, over its size or what the rig takes for its size,
 /// whichever is larger: a coefficient that is 0 is determined where its interval is narrow beside what was thought of it.
 pub(crate) const UNEXCITED: f64 = 0.5;
@@ -33,8 +28,6 @@ pub(crate) const UNEXCITED: f64 = 0.5;
 const LOUDER: f64 = 1.1;
 /// Logged sd over scatter below which it is not worth a note.
 const SHORT: f64 = 1.2;
-/// Share of its limit's distance at which a coefficient counts as being there.
-const AT_LIMIT: f64 = 0.99;
 
 /// What a result is made of.
 pub(crate) struct Concluding<'a> {
@@ -156,135 +149,6 @@ impl Concluding<'_> {
         }
     }
 
-    /// The coefficients with their intervals, and what is to be said of each.
-    fn describe_coefficients(&self, block: &DMatrix<f64>, result: &mut Identification) {
-        let problem = &self.fitted.problem;
-        let samples = problem.samples();
-        let samples: f64 = samples.iter().filter(|n| n.is_finite()).sum();
-        let freedom = (samples - self.numbers.values.len() as f64).max(1.0);
-        let quantile = t95(freedom);
-        let mut profiles = self.weak(quantile, result);
-        let bounds = problem.body.bounds(&[]);
-        for (i, c) in self.asked.coefficients.iter().enumerate() {
-            let place = self.place(*c);
-            let value = place.map_or(c.of_vehicle(&self.rig.vehicle), |p| self.numbers.values[p]);
-            let sd = block[(i, i)].sqrt();
-            // Without priors, what is held is as uncertain as the rig says, and with it what hangs on it.
-            let of_runs = match problem.body.prior.is_flat() {
-                true => &self.numbers.covariance,
-                false => &self.numbers.beside_held,
-            };
-            let by_runs = place.map_or(f64::INFINITY, |p| of_runs[(p, p)].sqrt());
-            let held = self.fitted.held.contains(c);
-            let size = value.abs().max(c.size(self.rig));
-            let excited = !held && by_runs.is_finite() && by_runs < UNEXCITED * size;
-            // A profile is that of the chosen random force.
-            let alone = place.map_or(sd, |p| self.numbers.at_mode[(p, p)].sqrt());
-            // What all samples have alike widens a profile as it widens the sd.
-            let profile = place.and_then(|p| profiles.remove(&p)).map(|p| Profile {
-                low: value + (p.low - value) * sd / alone,
-                high: value + (p.high - value) * sd / alone,
-                ..p
-            });
-            let finite = sd.is_finite().then_some(sd);
-            let at_bound = place.is_some_and(|p| {
-                let (low, high) = bounds[p];
-                let at = self.fitted.fit.point[p];
-                let said = problem.body.own[p].is_said();
-                !held && (at >= AT_LIMIT * high || said && at <= AT_LIMIT * low)
-            });
-            let estimate = Estimate {
-                symbol: c.symbol().to_owned(),
-                unit: c.unit().to_owned(),
-                value,
-                sd: finite,
-                repeat_sd: None,
-                combined_sd: None,
-                u95: None,
-                largest_share: None,
-                low: profile
-                    .map(|p| p.low)
-                    .or(finite.map(|sd| value - quantile * sd)),
-                high: profile
-                    .map(|p| p.high)
-                    .or(finite.map(|sd| value + quantile * sd)),
-                profile,
-                rig: c.of_vehicle(&self.rig.vehicle),
-                excited,
-                // Damping as small as is looked is none: no limit, but what the runs say.
-                at_bound: at_bound && (c.term == Term::Added || value.abs() > size),
-            };
-            if place.is_none() || held {
-                result.notes.push(format!(
-                    "{}: these runs do not move it; kept at the rig's {:.4}",
-                    c.key(),
-                    estimate.rig
-                ));
-            } else if !excited {
-                result.notes.push(format!(
-                    "{}: these runs hardly say anything of it beside what the rig says",
-                    c.key()
-                ));
-            } else if estimate.at_bound {
-                result.notes.push(format!(
-                    "{}: ended a hundredfold off the rig's {:.4}, which is as far as is looked; the interval is not to be trusted",
-                    c.key(),
-                    estimate.rig
-                ));
-            } else if c.term != Term::Added && value.abs() < ZERO_WITHIN_SD * sd {
-                result.notes.push(format!(
-                    "{}: zero within ±{} {}, and these runs do show it: the vehicle may have no such drag",
-                    c.key(),
-                    significant(ZERO_WITHIN_SD * sd),
-                    c.unit()
-                ));
-            }
-            if !excited && estimate.rig == 0.0 && c.identified_sd(self.rig).is_none() {
-                let known = match held || place.is_none() {
-                    true => c.prior_sd(self.rig),
-                    false => problem.body.own[place.unwrap_or(0)].unit().abs(),
-                };
-                result.notes.push(format!(
-                    "{}: the rig file knows no number; taken as 0 +- {} {} (a vehicle of this mass) in the other intervals",
-                    c.key(),
-                    significant(known),
-                    c.unit()
-                ));
-            }
-            result.parameters.insert(c.key().to_owned(), estimate);
-        }
-    }
-
-    /// Profiles of the coefficients that are weakly determined, by their places, the weakest first.
-    fn weak(&self, quantile: f64, result: &mut Identification) -> BTreeMap<usize, Profile> {
-        let own = &self.fitted.problem.body.own;
-        let covariance = &self.numbers.covariance;
-        let correlations = correlation(covariance);
-        let share = |i: usize| covariance[(i, i)].sqrt() / self.numbers.values[i].abs();
-        let tied = |i: usize| (0..own.len()).any(|j| j != i && correlations[(i, j)].abs() > TIED);
-        let is_weak = |i: &usize| {
-            let known = covariance[(*i, *i)].is_finite() && !self.fitted.is_held(&own[*i]);
-            known && (share(*i) > WEAK || tied(*i))
-        };
-        let mut weak: Vec<usize> = (0..own.len()).filter(is_weak).collect();
-        weak.sort_by(|a, b| share(*b).total_cmp(&share(*a)));
-        let (found, fits) = profiles(self.fitted, self.numbers, &weak, quantile);
-        result.fits += fits;
-        let pairs = weak.iter().zip(&found);
-        let linear: Vec<&str> = pairs
-            .clone()
-            .filter(|(_, p)| p.is_none())
-            .map(|(i, _)| own[*i].name())
-            .collect();
-        if !linear.is_empty() {
-            result.notes.push(format!(
-                "{}: weakly determined too, but interval from the sd: the time for profiles was spent on those of the weaker ones",
-                linear.join(", ")
-            ));
-        }
-        pairs.filter_map(|(i, p)| Some((*i, (*p)?))).collect()
-    }
-
     fn describe_noise(&self, short: &[f64; 6], result: &mut Identification) {
         let problem = &self.fitted.problem;
         let (mut at_rest, mut samples) = (0.0, 0.0);
@@ -368,7 +232,7 @@ impl Concluding<'_> {
             let start = problem.body.starts[i].iter().enumerate().map(|(k, c)| {
                 let at = places[i] + k;
                 let sd = whole[(at, at)].sqrt();
-                let value = (self.numbers.values[at], sd.is_finite().then_some(sd));
+                let value = (self.numbers.means[at], sd.is_finite().then_some(sd));
                 (format!("{}.start", c.name()), value)
             });
             result.runs.push(RunSummary {

@@ -86,7 +86,7 @@ impl Fitted {
     fn hold_undetermined(&mut self, rig: &Rig) -> Result<usize, EstimateError> {
         let mut fits = 0;
         loop {
-            let numbers = Numbers::of(self, rig).ok_or_else(|| self.diverged())?;
+            let numbers = Numbers::at_mode(self, rig).ok_or_else(|| self.diverged())?;
             let mut worst: Option<(usize, f64)> = None;
             for (i, own) in self.problem.body.own.iter().enumerate() {
                 let Some(c) = own.coefficient().filter(|c| !self.held.contains(c)) else {

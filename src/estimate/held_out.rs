@@ -19,7 +19,7 @@ pub(crate) fn cross_validate(fitted: &Fitted, rig: &Rig) -> Vec<CrossValidation>
     let full = fitted.problem.left_by_run(&full);
     let each = parallel::map(runs.len(), |left| {
         let made = without(fitted, left)?;
-        let numbers = Numbers::of(&made, rig)?;
+        let numbers = Numbers::at_mode(&made, rig)?;
         let own = fitted.problem.only(&[left]);
         let predicted = own.predict(&made.fit)?;
         let rms = own.left_by_run(&predicted.values).into_iter().next()?;

@@ -42,6 +42,7 @@ mod held_out;
 mod identify;
 mod numbers;
 mod options;
+mod over_noise;
 mod profiles;
 mod refit;
 mod repeats;

@@ -11,22 +11,23 @@ use hydroline_rigs::Rig;
 use nalgebra::DMatrix;
 
 use super::fitted::Fitted;
+use super::over_noise::{NORMAL_95, OverNoise, acting};
 
 /// A direction whose information is below this share of the largest (after scaling every number to unit information) is rounding.
 const RANK: f64 = 1e-11;
 
-/// Probability of a cell of the random force below which its share of the covariance is not asked for: 60 of them are a tenth.
-const LEAST: f64 = 2e-3;
-
 /// Values of a mode with what is known of them: the vehicle's own numbers first, then each run's start.
 pub(crate) struct Numbers {
     pub values: Vec<f64>,
+    /// Means over what is open of the noise and the random force; within what the model can have.
+    pub means: Vec<f64>,
     /// Natural number by the scaled one.
     pub slopes: Vec<f64>,
-    /// Posterior covariance, over all cells of the random force by their probabilities (law of total covariance, the mode under another
-    /// cell one Newton step away); of what is held as the rig knows it.
+    /// Posterior covariance about the means, over the same; of what is held as the rig knows it.
     pub covariance: DMatrix<f64>,
-    /// The same under the chosen cells alone: what a change of the data or of a number held does to the mode.
+    /// Ends of each number's 95 % interval about its mean over its sd: noise and force are a mixture.
+    pub ends: Vec<[f64; 2]>,
+    /// The covariance under the chosen cells alone: what a change of the data or of a number held does to the mode.
     pub at_mode: DMatrix<f64>,
     /// The same with what is held known, and without the priors of coefficients: what the runs say.
     pub beside_held: DMatrix<f64>,
@@ -50,42 +51,82 @@ fn covariance(of: &DMatrix<f64>) -> DMatrix<f64> {
     Covariance::of_information(of, RANK).with_infinities()
 }
 
-/// Covariance over all cells of the random forces (law of total covariance), from that at the mode on; `whole` = the information there.
-fn over_forces(
-    at_mode: &DMatrix<f64>,
+/// Means, covariance and ends over what is open of the noises and the random forces.
+struct OverNoises {
+    means: Vec<f64>,
+    covariance: DMatrix<f64>,
+    ends: Vec<[f64; 2]>,
+}
+
+/// Of a mode with these values and covariance; `whole` = the information there, `open` = the normal equations of DOFs whose noise is open.
+fn over_noises(
+    (values, at_mode): (Vec<f64>, &DMatrix<f64>),
     whole: &DMatrix<f64>,
-    by_dof: &[(usize, Normal)],
-    natural: impl Fn(Normal) -> Normal,
+    open: &[(usize, Normal)],
+    natural: impl Fn(Normal) -> Normal + Sync,
     (fitted, all): (&Fitted, &[Simulated]),
-) -> DMatrix<f64> {
-    let (problem, fit) = (&fitted.problem, &fitted.fit);
-    let mut made = at_mode.clone();
-    for (dof, cells) in &fit.forces {
-        let Some((_, chosen)) = by_dof.iter().find(|(d, _)| d == dof) else {
+) -> OverNoises {
+    let mut made = OverNoises {
+        ends: vec![[-NORMAL_95, NORMAL_95]; values.len()],
+        means: values,
+        covariance: at_mode.clone(),
+    };
+    let body = &fitted.problem.body;
+    let is_held = |i: &usize| fitted.is_held(&body.own[*i]);
+    let held: Vec<usize> = (0..body.own.len()).filter(is_held).collect();
+    // Largest change of each number's variance by one DOF: its distribution is that number's.
+    let mut most = vec![0.0; at_mode.nrows()];
+    for (dof, chosen) in open {
+        let over = OverNoise {
+            problem: &fitted.problem,
+            all: acting(all, *dof),
+            dof: *dof,
+            whole,
+            held: &held,
+            natural: &natural,
+        };
+        let cell = fitted.fit.cells.misfit[*dof];
+        let Some(change) = over.change((cell, chosen), at_mode) else {
             continue;
         };
-        for (cell, probability) in cells {
-            if *probability <= LEAST || *cell == fit.cells.misfit[*dof] {
-                continue;
+        for i in 0..most.len() {
+            let share = (change.covariance[(i, i)] / at_mode[(i, i)]).abs();
+            if share > most[i] {
+                (most[i], made.ends[i]) = (share, change.ends[i]);
             }
-            let other = natural(problem.normal(all, *dof, *cell, whole.nrows()));
-            let there = covariance(&(whole + (other.information - &chosen.information)));
-            let away = &there * (other.gradient - &chosen.gradient);
-            let change = there - at_mode + &away * away.transpose();
-            // Directions of which nobody knows anything stay so.
-            made.zip_apply(&change, |m, c| {
-                if m.is_finite() && c.is_finite() {
-                    *m += probability * c;
-                }
-            });
+            if change.mean[i].is_finite() {
+                made.means[i] += change.mean[i];
+            }
         }
+        // Directions of which nobody knows anything stay so.
+        made.covariance.zip_apply(&change.covariance, |m, c| {
+            if m.is_finite() && c.is_finite() {
+                *m += c;
+            }
+        });
+    }
+    // No farther than the model goes: the error is then about the limit.
+    for (i, (own, (low, high))) in body.own.iter().zip(body.bounds(&[])).enumerate() {
+        let limits = [own.natural(low).0, own.natural(high).0];
+        let within = made.means[i].clamp(limits[0].min(limits[1]), limits[0].max(limits[1]));
+        made.covariance[(i, i)] += (within - made.means[i]).powi(2);
+        made.means[i] = within;
     }
     made
 }
 
 impl Numbers {
-    /// Of a fit; `None` where its motion is not finite.
+    /// Of a fit, over what is open of its noise and random force; `None` where its motion is not finite.
     pub fn of(fitted: &Fitted, rig: &Rig) -> Option<Numbers> {
+        Numbers::made(fitted, rig, fitted.problem.noises.has_force)
+    }
+
+    /// Of a fit under the noise and the random force that it has.
+    pub fn at_mode(fitted: &Fitted, rig: &Rig) -> Option<Numbers> {
+        Numbers::made(fitted, rig, false)
+    }
+
+    fn made(fitted: &Fitted, rig: &Rig, is_open: bool) -> Option<Numbers> {
         let (problem, fit) = (&fitted.problem, &fitted.fit);
         let body = &problem.body;
         let all = problem.simulate(&[], &fit.point)?;
@@ -132,15 +173,20 @@ impl Numbers {
             beside[(i, i)] = 1.0;
         }
         let at_mode = covariance(&whole);
-        let covariance_of_all = over_forces(&at_mode, &whole, &by_dof, to_natural, (fitted, &all));
+        let values: Vec<f64> = natural.iter().map(|v| v.0).collect();
+        let mode = (values.clone(), &at_mode);
+        let open = if is_open { &by_dof[..] } else { &[] };
+        let over = over_noises(mode, &whole, open, to_natural, (fitted, &all));
         let of_data = by_dof
             .into_iter()
             .map(|(d, normal)| (d, normal.information));
         let by_dof = of_data.collect();
         Some(Numbers {
-            values: natural.iter().map(|v| v.0).collect(),
+            values,
+            means: over.means,
             slopes,
-            covariance: covariance_of_all,
+            covariance: over.covariance,
+            ends: over.ends,
             at_mode,
             beside_held: covariance(&beside),
             by_dof,

@@ -85,8 +85,15 @@ pub fn refit(
             starts.retain(|c| !c.is_rate());
         }
     }
-    // A channel that the fit before did not have has no noise to go by: it does not count.
+    // A channel that the fit before did not have has no noise to go by: it does not count, and starts that only it shows are as they look.
     let known = |c: Channel| before.noise.get(c.name()).map(|n| n.noise);
+    for starts in &mut body.starts {
+        starts.retain(|c| {
+            Channel::of(c.dof().index())
+                .into_iter()
+                .any(|c| known(c).is_some())
+        });
+    }
     let noises = PerChannel::from_fn(|c| known(c).filter(|_| dofs.contains(&c.dof().index())));
     let problem = Problem::under(body, noises);
     let diverged = || EstimateError::NoFit(before.model.clone());
@@ -101,7 +108,7 @@ pub fn refit(
         held: Vec::new(),
         fits: 1,
     };
-    let numbers = Numbers::of(&fitted, rig).ok_or_else(diverged)?;
+    let numbers = Numbers::at_mode(&fitted, rig).ok_or_else(diverged)?;
     let predicted = fitted.problem.predicted(&[], &fitted.fit.point);
     let left = fitted.problem.left_by_run(&predicted);
     // Clocks stand behind the coefficients.

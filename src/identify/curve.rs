@@ -121,6 +121,7 @@ pub fn widen(result: &mut Identification, values: &[Vec<f64>]) {
             source: "thrust curve".to_owned(),
             kind: "B".to_owned(),
             sd: None,
+            probability: None,
             unit: "of the curve's points".to_owned(),
             basis: "[bollard] of the rig".to_owned(),
             sensitivities: BTreeMap::new(),

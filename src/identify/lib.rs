@@ -20,6 +20,7 @@ pub mod blind;
 pub mod bollard;
 pub mod curve;
 pub mod data;
+pub mod expanded;
 pub mod figures;
 pub mod merged;
 pub mod model_test;

@@ -5,6 +5,7 @@ use hydroline_numerics::statistics::Whiteness;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+use super::expanded::half_width;
 use super::model_test::ModelTest;
 use super::seen::Seen;
 
@@ -155,6 +156,10 @@ pub struct BudgetLine {
     /// Standard deviation of the source, in its unit; absent of the samples, and of an effect, which is as large as is typical.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sd: Option<f64>,
+    /// Probability that an effect acts, by its prior and by what the runs say of it; absent = the source acts for certain. Its
+    /// contributions are those of something that acts with this probability.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
     /// Unit of the source; 1 = a share.
     pub unit: String,
     /// Reason for that sd: `the rig`, `assumed`, `not identifiable` or where else it is from.
@@ -275,7 +280,13 @@ impl Identification {
             let row = self.covariance_combined.get(i);
             let variance = row.and_then(|row| row.get(i).copied().flatten());
             p.combined_sd = variance.map(f64::sqrt);
-            p.u95 = p.combined_sd.map(|sd| COVERAGE * sd);
+            let effects = self.budget.iter().filter_map(|l| {
+                let (chance, share) = (l.probability?, l.contributions.get(key)?);
+                (chance > 0.0).then(|| (chance, share / chance.sqrt()))
+            });
+            let effects: Vec<(f64, f64)> = effects.collect();
+            let of_effects: f64 = effects.iter().map(|(p, sd)| p * sd * sd).sum();
+            p.u95 = variance.map(|v| half_width((v - of_effects).max(0.0), &effects));
             let of = |l: &BudgetLine| l.contributions.get(key).copied().unwrap_or(0.0);
             let largest = self
                 .budget

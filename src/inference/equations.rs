@@ -10,6 +10,7 @@ use super::body::Simulated;
 use super::fit::{Normal, Problem, ln_determinant};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, Forces, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
+use super::prior::PriorTable;
 use super::table::TableCell;
 use hydroline_numerics::{cancel, parallel};
 
@@ -89,14 +90,15 @@ impl<'a> Equations<'a> {
         number_prior: &NumberPrior,
         at: &[f64],
     ) -> f64 {
-        let median = self.problem.body.prior.misfit_over_tolerance;
+        let problem = self.problem;
+        let prior = &problem.body.prior;
         let (information, gradient, cost) = self.sum(all, cells, number_prior, at);
         let Some(root) = Cholesky::new(information) else {
             return f64::INFINITY;
         };
         let gain = 0.5 * gradient.dot(&root.solve(&gradient));
         let dofs = self.problem.body.dofs.iter();
-        let forces: f64 = dofs.map(|d| ln_prior(cells.misfit[*d], median)).sum();
+        let forces: f64 = dofs.map(|d| ln_prior(cells.misfit[*d], prior)).sum();
         cost - gain + 0.5 * ln_determinant(&root) - forces - number_prior.ln_cells(cells)
     }
 
@@ -140,7 +142,7 @@ impl<'a> Equations<'a> {
             }
             for &d in dofs {
                 loop {
-                    let around = neighbours(cells.misfit[d]);
+                    let around = neighbours(cells.misfit[d], &self.problem.body.prior);
                     let asked: Vec<(usize, Cell)> = around.iter().map(|c| (d, *c)).collect();
                     self.ask(all, &asked);
                     let mut next = None;
@@ -176,7 +178,8 @@ impl<'a> Equations<'a> {
         at: &[f64],
     ) -> (Forces, f64) {
         let dofs = self.problem.body.dofs.clone();
-        let median = self.problem.body.prior.misfit_over_tolerance;
+        let problem = self.problem;
+        let prior = &problem.body.prior;
         let best = self.restricted(all, cells, number_prior, at);
         let mut more = 0.0;
         for block in &number_prior.blocks {
@@ -199,7 +202,7 @@ impl<'a> Equations<'a> {
                 let cost = |me: &mut Self, cell: Cell| {
                     let mut tried = cells.clone();
                     tried.misfit[d] = cell;
-                    me.restricted(all, &tried, number_prior, at) + ln_prior(cell, median)
+                    me.restricted(all, &tried, number_prior, at) + ln_prior(cell, prior)
                 };
                 let middle = cost(self, here);
                 found.insert(here, middle);
@@ -226,16 +229,16 @@ impl<'a> Equations<'a> {
             let reference = found.values().copied().fold(f64::INFINITY, f64::min);
             let mut each: Vec<(Cell, f64)> = found
                 .iter()
-                .map(|(cell, cost)| (*cell, (reference - cost + ln_prior(*cell, median)).exp()))
+                .map(|(cell, cost)| (*cell, (reference - cost + ln_prior(*cell, prior)).exp()))
                 .collect();
             let sum: f64 = each.iter().map(|c| c.1).sum();
             each.iter_mut().for_each(|c| c.1 /= sum);
             forces.push((d, each));
             let chosen = found.get(&cells.misfit[d]).copied().unwrap_or(reference);
-            let own = ln_prior(cells.misfit[d], median);
+            let own = ln_prior(cells.misfit[d], prior);
             let each = found
                 .iter()
-                .map(|(cell, cost)| beside(chosen - cost + ln_prior(*cell, median) - own));
+                .map(|(cell, cost)| beside(chosen - cost + ln_prior(*cell, prior) - own));
             more += each.sum::<f64>().ln() + own;
         }
         (forces, more)
@@ -248,7 +251,9 @@ fn beside(ln: f64) -> f64 {
     ln.min(0.0).exp()
 }
 
-fn neighbours(cell: Cell) -> Vec<Cell> {
+/// Cells one step away; where the model may be exact none at all is one of them, for between it and a force that shows lie sizes
+/// that are less likely than either.
+fn neighbours(cell: Cell, prior: &PriorTable) -> Vec<Cell> {
     let Cell { size, correlation } = cell;
     let mut made = Vec::new();
     let mut push = |size: usize, correlation: usize| {
@@ -261,6 +266,9 @@ fn neighbours(cell: Cell) -> Vec<Cell> {
     if size > 0 {
         push(size, correlation + 1);
         push(size, correlation.wrapping_sub(1));
+    }
+    if size > 1 && prior.exact > 0.0 {
+        push(0, correlation);
     }
     made
 }

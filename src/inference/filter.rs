@@ -14,6 +14,8 @@ use nalgebra::{SMatrix, SVector, SymmetricEigen};
 
 /// Number of states.
 const N: usize = 5;
+/// Series that are filtered side by side.
+const LANES: usize = 4;
 /// Stamps' distances are taken alike within this share: a filter's covariance needs no more.
 const GAP_DIGITS: f64 = 1e3;
 
@@ -57,6 +59,30 @@ struct Update {
 struct Step {
     gap: usize,
     updates: [Update; 2],
+}
+
+/// A step of the covariance, for the question whether the next one is the same.
+#[derive(Debug, Clone, Copy)]
+struct Settling {
+    gap: usize,
+    ratios: [f64; 2],
+    covariance: [[f64; N]; N],
+    is_settled: bool,
+    ln_variance: f64,
+    used: usize,
+}
+
+/// Change of a covariance in one step, over its own size, that is rounding: at the slowest force 600 of them are left.
+const SETTLED: f64 = 1e-13;
+
+/// Whether a step changed nothing of a covariance.
+fn is_same(before: &[[f64; N]; N], after: &[[f64; N]; N]) -> bool {
+    (0..N).all(|i| {
+        (0..N).all(|j| {
+            let size = (after[i][i] * after[j][j]).sqrt();
+            (after[i][j] - before[i][j]).abs() <= SETTLED * size
+        })
+    })
 }
 
 /// The whitening filter of one run's DOF.
@@ -165,7 +191,9 @@ impl Filter {
         p[4][4] = colour[1].0;
         let mut last_s = start_s;
         let (mut ln_variance, mut count) = (0.0, 0);
-        let mut steps = Vec::with_capacity(times_s.len());
+        let mut steps: Vec<Step> = Vec::with_capacity(times_s.len());
+        // Where gaps and noise stay as they are, so does the covariance in the end.
+        let mut before: Option<Settling> = None;
         for (k, t_s) in times_s.iter().enumerate() {
             let dt_s = (t_s - last_s).max(0.0);
             last_s = *t_s;
@@ -176,13 +204,23 @@ impl Filter {
                 noises.push(q);
                 gaps.len() - 1
             });
+            let ratios = [0, 1].map(|c| sd_ratio(k, c));
+            let alike = before.filter(|b| b.gap == gap && b.ratios == ratios);
+            if let Some((settled, step)) = alike.filter(|b| b.is_settled).zip(steps.last().copied())
+            {
+                ln_variance += settled.ln_variance;
+                count += settled.used;
+                steps.push(step);
+                continue;
+            }
+            let (ln_before, count_before) = (ln_variance, count);
             predict(&mut p, &gaps[gap], &noises[gap], variance, colour);
             let mut updates = [Update {
                 inverse_sd: 0.0,
                 gain: [0.0; N],
             }; 2];
             for c in 0..2 {
-                let ratio = sd_ratio(k, c);
+                let ratio = ratios[c];
                 if instruments[c].is_none() || ratio <= 0.0 {
                     continue;
                 }
@@ -207,6 +245,14 @@ impl Filter {
                 count += 1;
             }
             steps.push(Step { gap, updates });
+            before = Some(Settling {
+                gap,
+                ratios,
+                covariance: p,
+                is_settled: alike.is_some_and(|b| is_same(&b.covariance, &p)),
+                ln_variance: ln_variance - ln_before,
+                used: count - count_before,
+            });
         }
         Filter {
             steps,
@@ -218,27 +264,49 @@ impl Filter {
 
     /// Filters (position, rate) pairs in place; what does not count becomes 0.
     pub fn apply(&self, series: &mut [[f64; 2]]) {
-        let mut x = [0.0; N];
-        for (pair, step) in series.iter_mut().zip(&self.steps) {
+        self.lanes([series]);
+    }
+
+    /// The same of many series: [`LANES`] at a time, since each step waits for the one before.
+    pub fn apply_all(&self, all: &mut [Vec<[f64; 2]>]) {
+        for some in all.chunks_mut(LANES) {
+            match some {
+                [a, b, c, d] => self.lanes([a, b, c, d]),
+                few => few.iter_mut().for_each(|one| self.apply(one)),
+            }
+        }
+    }
+
+    fn lanes<const L: usize>(&self, mut series: [&mut [[f64; 2]]; L]) {
+        let mut x = [[0.0; L]; N];
+        let length = series
+            .iter()
+            .map(|s| s.len())
+            .fold(self.steps.len(), usize::min);
+        for (k, step) in self.steps.iter().enumerate().take(length) {
             let (phi, decay) = &self.gaps[step.gap];
-            x = [
-                phi[0] * x[0] + phi[1] * x[1] + phi[2] * x[2],
-                phi[3] * x[0] + phi[4] * x[1] + phi[5] * x[2],
-                phi[6] * x[0] + phi[7] * x[1] + phi[8] * x[2],
-                decay[0] * x[3],
-                decay[1] * x[4],
-            ];
+            let row = |i: usize| -> [f64; L] {
+                let phi = &phi[3 * i..3 * i + 3];
+                std::array::from_fn(|l| phi[0] * x[0][l] + phi[1] * x[1][l] + phi[2] * x[2][l])
+            };
+            let faded = |c: usize| x[3 + c].map(|v| decay[c] * v);
+            x = [row(0), row(1), row(2), faded(0), faded(1)];
             for c in 0..2 {
                 let update = &step.updates[c];
                 if update.inverse_sd == 0.0 {
-                    pair[c] = 0.0;
+                    series.iter_mut().for_each(|s| s[k][c] = 0.0);
                     continue;
                 }
-                let innovation = pair[c] - x[c] - x[3 + c];
-                for (s, g) in x.iter_mut().zip(&update.gain) {
-                    *s += g * innovation;
+                let innovation: [f64; L] =
+                    std::array::from_fn(|l| series[l][k][c] - x[c][l] - x[3 + c][l]);
+                for (state, gain) in x.iter_mut().zip(&update.gain) {
+                    for (s, v) in state.iter_mut().zip(&innovation) {
+                        *s += gain * v;
+                    }
                 }
-                pair[c] = innovation * update.inverse_sd;
+                for (s, v) in series.iter_mut().zip(&innovation) {
+                    s[k][c] = v * update.inverse_sd;
+                }
             }
         }
     }

@@ -77,6 +77,8 @@ pub struct Normal {
     pub gradient: DVector<f64>,
     /// Half energy and half log variance: minus the log likelihood, without the constant.
     pub cost: f64,
+    /// Sum of squares of the whitened residuals.
+    pub energy: f64,
     /// Samples that count.
     pub used: usize,
 }
@@ -363,15 +365,18 @@ impl Problem {
         column: &[PerChannel<f64>],
         filter: &Filter,
     ) -> Option<Vec<[f64; 2]>> {
+        let mut series = self.of_dof(dof, column)?;
+        filter.apply(&mut series);
+        Some(series)
+    }
+
+    /// A column's channels of a DOF; `None` where it does nothing there.
+    fn of_dof(&self, dof: usize, column: &[PerChannel<f64>]) -> Option<Vec<[f64; 2]>> {
         let both = Channel::of(dof);
         let measured = |c: &&Channel| self.noises.channels[**c].is_some();
         let mut each = column.iter();
         let acts = each.any(|v| both.iter().filter(measured).any(|c| v[*c] != 0.0));
-        acts.then(|| {
-            let mut series: Vec<[f64; 2]> = column.iter().map(|v| both.map(|c| v[c])).collect();
-            filter.apply(&mut series);
-            series
-        })
+        acts.then(|| column.iter().map(|v| both.map(|c| v[c])).collect())
     }
 
     /// Normal equations of one DOF under one cell.
@@ -381,7 +386,7 @@ impl Problem {
     }
 
     /// The same under any filters.
-    pub(super) fn normal_with(
+    pub fn normal_with(
         &self,
         all: &[Simulated],
         dof: usize,
@@ -392,6 +397,7 @@ impl Problem {
             information: DMatrix::zeros(size, size),
             gradient: DVector::zeros(size),
             cost: 0.0,
+            energy: 0.0,
             used: 0,
         };
         let measured = self.measured(dof);
@@ -405,17 +411,16 @@ impl Problem {
             };
             let right = DVector::from_vec(flat(&residual));
             made.cost += 0.5 * (right.norm_squared() + filter.ln_variance);
+            made.energy += right.norm_squared();
             made.used += filter.used;
-            let (mut places, mut data) = (Vec::new(), Vec::new());
-            for (i, column) in &sim.columns {
-                if let Some(white) = self.white_column(dof, column, filter) {
-                    places.push(*i);
-                    data.extend(flat(&white));
-                }
-            }
+            let acting = sim.columns.iter();
+            let acting = acting.filter_map(|(i, column)| Some((*i, self.of_dof(dof, column)?)));
+            let (places, mut columns): (Vec<usize>, Vec<Vec<[f64; 2]>>) = acting.unzip();
             if places.is_empty() {
                 continue;
             }
+            filter.apply_all(&mut columns);
+            let data: Vec<f64> = columns.iter().flat_map(|c| flat(c)).collect();
             let matrix = DMatrix::from_vec(right.len(), places.len(), data);
             // nalgebra's `tr_mul` is a dot product per number; this is one matrix product.
             let square = matrix.transpose() * &matrix;
@@ -435,13 +440,13 @@ impl Problem {
     ///
     /// `values` = channels per run and sample, rotated as measured ones are.
     pub fn cost_of(&self, values: &[Vec<PerChannel<f64>>]) -> f64 {
-        let median = self.body.prior.misfit_over_tolerance;
+        let prior = &self.body.prior;
         let cells: Vec<Cell> = Cell::all().collect();
         let of = |dof: &usize| {
             let each = parallel::map_slice(&cells, |&cell| {
                 let filters = filters(&self.body, &self.worth, &self.noises, *dof, cell);
                 let cost = self.cost(values, &BTreeMap::from([(*dof, filters)]));
-                ln_prior(cell, median) - cost
+                ln_prior(cell, prior) - cost
             });
             -ln_sum(&each)
         };

@@ -11,6 +11,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::body::{Body, Simulated};
 use super::filter::{Filter, Force, Instruments, draw};
+use super::prior::PriorTable;
 use super::table::TableCell;
 
 /// Correlation times of the random force \[s\]: from the shortest that a vehicle follows to as long as a run.
@@ -255,9 +256,15 @@ pub(super) fn ln_sum(terms: &[f64]) -> f64 {
     top + terms.iter().map(|t| (t - top).exp()).sum::<f64>().ln()
 }
 
-/// Log prior probability of a cell: half-Cauchy sizes, every correlation time alike.
-pub fn ln_prior(cell: Cell, median_over_tolerance: f64) -> f64 {
-    ln_half_cauchy(&SIZES, cell.size, median_over_tolerance) - (CORRELATIONS_S.len() as f64).ln()
+/// Log prior probability of a cell: none with the probability of an exact model, else half-Cauchy sizes; every correlation time alike.
+pub fn ln_prior(cell: Cell, prior: &PriorTable) -> f64 {
+    let size = ln_half_cauchy(&SIZES, cell.size, prior.misfit_over_tolerance);
+    let size = match (prior.exact > 0.0, cell.size) {
+        (false, _) => size,
+        (true, 0) => (prior.exact + (1.0 - prior.exact) * size.exp()).ln(),
+        (true, _) => (1.0 - prior.exact).ln() + size,
+    };
+    size - (CORRELATIONS_S.len() as f64).ln()
 }
 
 /// Log probability of a place in a table of sizes under a half-Cauchy density with this median.
@@ -307,7 +314,16 @@ mod tests {
 
     #[test]
     fn the_cells_share_all_probability() {
-        let sum: f64 = Cell::all().map(|cell| ln_prior(cell, 0.1).exp()).sum();
-        assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+        for exact in [0.0, 0.5] {
+            let prior = PriorTable {
+                exact,
+                ..PriorTable::default()
+            };
+            let each = || Cell::all().map(|cell| (cell.size, ln_prior(cell, &prior).exp()));
+            let sum: f64 = each().map(|c| c.1).sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+            let none: f64 = each().filter(|c| c.0 == 0).map(|c| c.1).sum();
+            assert!((exact..exact + 0.02).contains(&none), "{none}");
+        }
     }
 }

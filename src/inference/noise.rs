@@ -14,7 +14,7 @@ use hydroline_numerics::statistics::robust_sd;
 use super::body::Body;
 use super::filter::{Filter, Force, Instruments};
 use super::hyper::Noises;
-use super::prior::Density;
+use super::prior::{Density, PriorTable};
 
 /// An innovation of more than this many sd is an outlier: 6e-7 of normal ones are.
 const OUTLIER_SD: f64 = 5.0;
@@ -27,6 +27,17 @@ const REJECTED_MOST: f64 = 0.05;
 const LOGGED_LN: f64 = 0.3;
 /// Prior of the coloured part over the white one: median and scale of the logarithm.
 const COLOUR_RATIO: (f64, f64) = (-0.7, 1.2);
+/// Log prior density of a noise's colour, by the logarithms of its size over the white part's and of its correlation time.
+pub fn ln_colour(ratio: f64, correlation_s: f64, prior: &PriorTable) -> f64 {
+    let size = Density::Student {
+        centre: COLOUR_RATIO.0,
+        scale: COLOUR_RATIO.1,
+        freedom: 4.0,
+    };
+    let time = Density::normal(prior.colour_s.ln(), prior.colour_ln);
+    size.ln(ratio.ln()) + time.ln(correlation_s.ln())
+}
+
 /// sds of either beyond which no instrument is looked for: colour that is slower or larger cannot be distinguished from what a
 /// vehicle does by its residuals alone, and counts as misfit. A run at rest shows it.
 const COLOUR_SDS: f64 = 2.0;

@@ -24,6 +24,8 @@ pub struct PriorTable {
     /// Median of what the random force is worth, over the tolerance (half-Cauchy): what a model misses is mostly well
     /// below what matters.
     pub misfit_over_tolerance: f64,
+    /// Probability that a model misses nothing in a DOF: no random force. 0 = it always misses something, however little.
+    pub exact: f64,
     /// Median and spread (sd of the logarithm) of the correlation time of an instrument's coloured noise \[s\].
     pub colour_s: f64,
     /// See there.
@@ -54,6 +56,7 @@ impl Default for PriorTable {
             start_rate: 1e-3,
             start_place: 0.1,
             misfit_over_tolerance: 0.1,
+            exact: 0.0,
             colour_s: 0.5,
             colour_ln: 0.7,
             unnamed: 0.03,

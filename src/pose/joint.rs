@@ -13,6 +13,7 @@ use super::photometric::{
 };
 use super::segments::{self, Levels};
 use super::sheet::SheetTable;
+use hydroline_calib::Pose;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_rigs::{Mounts, Rig};
@@ -47,9 +48,17 @@ const THETA_SHOWN_RAD: f64 = 0.01;
 
 /// Edges that leave more than this of the light that they cut are not where the target has them: edges of frames that the
 /// model holds for leave 0.01 to 0.03, those of a pose one edge off 0.1 and more.
-const EDGES_OFF: f64 = 0.06;
+pub(crate) const EDGES_OFF: f64 = 0.06;
 /// Below this other places need not be tried.
-const EDGES_SOUND: f64 = 0.035;
+pub(crate) const EDGES_SOUND: f64 = 0.035;
+/// Where an edge's pixels have more than this of their squared model error alike, the edge as a whole lies elsewhere: of scatter, as
+/// compression leaves it, they have 0 to 0.3 alike, under a wrong curve of the camera 0.5 to 0.9.
+pub(crate) const EDGES_ALIKE: f64 = 0.5;
+/// From here on edges are not where the target has them, whatever the frame is compressed by.
+pub(crate) const EDGES_NOWHERE: f64 = 0.1;
+/// Where a line lies on a corner of the target, the pose a little before the corner and that as far behind it are minima of the same
+/// cost, and a start on the wrong side does not cross: of a pose whose edges are off the other sides are tried \[m\].
+const ACROSS_CORNER_M: [f64; 4] = [-0.012, -0.006, 0.006, 0.012];
 /// Places on the target that are fitted to convergence before all are rejected.
 const PLACES_MOST: usize = 4;
 
@@ -296,6 +305,21 @@ impl PoseFitter {
                 break;
             }
         }
+        if let Some((_, off)) = best
+            .as_ref()
+            .filter(|(_, b)| b.edge_model_error >= EDGES_OFF)
+        {
+            let off = (off.pose, off.edge_model_error);
+            let across = ACROSS_CORNER_M.into_iter().filter_map(|by_m| {
+                let x_m = off.0.x_m + by_m;
+                let start = states.first()?.at(Pose { x_m, ..off.0 });
+                let found =
+                    self.finish(&self.model, picture, profile, start, free, caveats.to_vec());
+                Some((start, found.ok()?))
+            });
+            let found = across.min_by(|a, b| a.1.edge_model_error.total_cmp(&b.1.edge_model_error));
+            best = found.filter(|(_, f)| f.edge_model_error < off.1).or(best);
+        }
         best.map(|(state, fitted)| (state, edges_held(fitted)))
             .ok_or(fault)
     }
@@ -319,7 +343,7 @@ impl PoseFitter {
 
 /// The same, with the caveat where its edges are not where the target has them.
 fn edges_held(mut fitted: JointPose) -> JointPose {
-    if fitted.edge_model_error >= EDGES_OFF {
+    if fitted.edges_are_off() {
         fitted.caveats.push(PoseCaveat::EdgesOff);
     }
     fitted

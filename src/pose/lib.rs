@@ -37,6 +37,7 @@ mod normal;
 pub mod opening;
 pub mod outline;
 mod photometric;
+pub mod place;
 pub mod run;
 pub mod segments;
 pub mod sheet;

@@ -44,6 +44,16 @@ impl Opening {
         }
     }
 
+    /// Takes a command, as [`PoseRun::command`] does.
+    pub fn command(&mut self, stamp_ns: u64, thruster: &str, thrust_n: f64) {
+        self.run.command(stamp_ns, thruster, thrust_n);
+    }
+
+    /// Takes commands: stamp, thruster, thrust \[N\].
+    pub fn commands<N: AsRef<str>>(&mut self, commands: &[(u64, N, f64)]) {
+        self.run.commands(commands);
+    }
+
     /// Looks at the next frame, true at `stamp_ns` (UNIX): its pose while nothing is known of the camera.
     pub fn look(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
         let pose = self.run.pose(stamp_ns, image, profile);

@@ -24,6 +24,7 @@ mod picture;
 mod plan;
 mod pose_geometry;
 mod response;
+mod structure;
 mod sums;
 mod visibility;
 

@@ -2,11 +2,15 @@
 //!
 //! Nothing else but the camera's response ([`super::opening`]: found once, then fixed) is carried over from frame to frame, and the guess that a fit starts from does not
 //! depend on the hint that picked it: a frame gives the same pose whether or not the frames
-//! between were looked at, as long as the vehicle cannot have passed half a hexagon meanwhile. On a
+//! between were looked at, as long as the motion decides for the same place ([`super::place`]). On a
 //! target that does not repeat itself the hint picks the guesses within centimetres: there it holds while the
-//! vehicle is expected that well.
+//! vehicle is expected that well; later a frame is looked for anywhere.
 
-use super::joint::{Hint, JointPose, PoseCaveat, PoseFault, PoseFitter, Speculative};
+use super::joint::{
+    EDGES_ALIKE, EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, PoseCaveat, PoseFault,
+    PoseFitter, Speculative,
+};
+use super::place::{Carried, Place};
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_log::messages::VehicleMotion;
@@ -14,22 +18,22 @@ use hydroline_rigs::Rig;
 use hydroline_stripe::Profile;
 use std::sync::Arc;
 
-/// Fastest change of speed that continuity allows for \[m/s²\]: 16 N on the paper's vehicle give 0.06.
-const ACCELERATION_MPS2: f64 = 0.2;
+/// Expected worse than this, a place on a target without repetitions is looked for anywhere \[m\].
+const EXPECTED_SD_M: f64 = 0.03;
+/// Expected this well, x tells whether edges that are a little off are those of another place \[m\]: other places are
+/// centimetres off.
+const ANCHORED_SD_M: f64 = 0.015;
+/// A pose agrees with the expected place within so many sds of both.
+const AGREES_SDS: f64 = 3.0;
+/// A frame whose steps fit nowhere near the expected place is looked for as far as so many of its sds.
+const FAR_SDS: f64 = 4.0;
 
 /// Follows a vehicle over its target.
 #[derive(Clone)]
 pub struct PoseRun {
     fitter: PoseFitter,
-    start_x_m: f64,
-    last: Option<Last>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Last {
-    stamp_ns: u64,
-    x_m: f64,
-    u_mps: f64,
+    start: Arc<Place>,
+    place: Place,
 }
 
 /// Outcome of a frame of a run.
@@ -46,10 +50,13 @@ pub enum RunPose {
 impl PoseRun {
     /// Starts where the rig says the vehicle starts.
     pub fn new(rig: &Rig, map: Arc<dyn PlaneMap>) -> Self {
+        let fitter = PoseFitter::new(rig, map);
+        let surfaces = fitter.surfaces();
+        let place = Place::new(rig, surfaces.period_m, surfaces.span_m);
         PoseRun {
-            fitter: PoseFitter::new(rig, map),
-            start_x_m: rig.tank.start_pose[0],
-            last: None,
+            start: Arc::new(place.clone()),
+            fitter,
+            place,
         }
     }
 
@@ -62,8 +69,8 @@ impl PoseRun {
     pub fn with_fitter(&self, fitter: PoseFitter) -> Self {
         PoseRun {
             fitter,
-            start_x_m: self.start_x_m,
-            last: None,
+            start: self.start.clone(),
+            place: (*self.start).clone(),
         }
     }
 
@@ -72,16 +79,36 @@ impl PoseRun {
         PoseRun { fitter, ..self }
     }
 
+    /// Takes a command: thruster and thrust \[N\] that hold from a stamp on (UNIX). A frame is to be fitted after the commands
+    /// before it.
+    pub fn command(&mut self, stamp_ns: u64, thruster: &str, thrust_n: f64) {
+        self.place.command(stamp_ns, thruster, thrust_n);
+    }
+
+    /// Takes several, the oldest first.
+    pub fn commands<N: AsRef<str>>(&mut self, commands: &[(u64, N, f64)]) {
+        for (stamp_ns, thruster, thrust_n) in commands {
+            self.command(*stamp_ns, thruster.as_ref(), *thrust_n);
+        }
+    }
+
     /// The pose of the frame that was true at `stamp_ns` (UNIX).
     pub fn pose(&mut self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> RunPose {
+        self.place.begin(stamp_ns);
         let fit = self.fitter.fit(image, profile, &self.hint(stamp_ns));
-        self.judged(stamp_ns, fit)
+        self.judged(stamp_ns, fit, |fitter, hint| {
+            fitter.fit(image, profile, hint)
+        })
     }
 
     /// Fits a frame before its turn, in parallel with others.
     pub fn speculative(&self, stamp_ns: u64, image: &GreyImage, profile: &Profile) -> Speculative {
-        self.fitter
-            .speculative(image, profile, &self.hint(stamp_ns))
+        // However far ahead it is: in its turn the place will be known.
+        let hint = Hint {
+            x_m: Some(self.place.carried(stamp_ns).x_m),
+            ..Hint::default()
+        };
+        self.fitter.speculative(image, profile, &hint)
     }
 
     /// The pose of a frame that was fitted speculatively: the same bits as [`Self::pose`].
@@ -92,66 +119,122 @@ impl PoseRun {
         profile: &Profile,
         speculative: Speculative,
     ) -> RunPose {
+        self.place.begin(stamp_ns);
         let hint = self.hint(stamp_ns);
         let fit = self
             .fitter
             .fit_speculative(image, profile, speculative, &hint);
-        self.judged(stamp_ns, fit)
+        self.judged(stamp_ns, fit, |fitter, hint| {
+            fitter.fit(image, profile, hint)
+        })
     }
 
     /// Hint for the frame that was true at `stamp_ns`, from the poses before it or the start.
     pub fn hint(&self, stamp_ns: u64) -> Hint {
+        let carried = self.place.carried(stamp_ns);
+        let known = self.fitter.surfaces().period_m.is_some() || carried.sd_m < EXPECTED_SD_M;
         Hint {
-            x_m: Some(self.expected(stamp_ns).0),
+            x_m: known.then_some(carried.x_m),
             ..Hint::default()
         }
     }
 
-    /// Whether a pose may be used; it is then the hint of the next ones.
-    fn judged(&mut self, stamp_ns: u64, fit: Result<JointPose, PoseFault>) -> RunPose {
-        let (hint_m, open_m) = self.expected(stamp_ns);
+    /// Whether a pose may be used; the place of the next ones then follows from it. `again` fits the frame under another hint.
+    fn judged(
+        &mut self,
+        stamp_ns: u64,
+        fit: Result<JointPose, PoseFault>,
+        again: impl Fn(&PoseFitter, &Hint) -> Result<JointPose, PoseFault>,
+    ) -> RunPose {
+        let expected = self.place.carried(stamp_ns);
+        let at = |x_m: f64| {
+            let hint = Hint {
+                x_m: Some(x_m),
+                ..Hint::default()
+            };
+            again(&self.fitter, &hint)
+        };
+        let fit = match fit {
+            Err(PoseFault::FarFromHint { away_m, hint_m }) if away_m < FAR_SDS * expected.sd_m => {
+                let further = [hint_m + away_m, hint_m - away_m];
+                let fault = PoseFault::FarFromHint { away_m, hint_m };
+                further
+                    .into_iter()
+                    .find_map(|x_m| at(x_m).ok())
+                    .ok_or(fault)
+            }
+            fit => fit,
+        };
         let mut fit = match fit {
             Ok(fit) => Box::new(fit),
             Err(fault) => return RunPose::None(fault),
         };
-        let period_m = self.fitter.surfaces().period_m;
-        if fit.measured[0]
-            && period_m.is_some_and(|p| open_m + (fit.pose.x_m - hint_m).abs() > 0.5 * p)
-        {
-            fit.caveats.push(PoseCaveat::WhichHexagon);
+        // The place decides, below.
+        fit.caveats.retain(|c| *c != PoseCaveat::WhichHexagon);
+        if fit.measured[0] {
+            settle_edges(&mut fit, &expected, self.fitter.surfaces().period_m);
         }
         if fit.is_flagged() {
             return RunPose::Flagged(fit);
         }
-        if fit.measured[0] {
-            self.remember(stamp_ns, fit.pose.x_m);
+        if !fit.measured[0] {
+            return RunPose::Good(fit);
         }
-        RunPose::Good(fit)
-    }
-
-    /// Where the vehicle is expected, and how far it may be from there \[m\].
-    fn expected(&self, stamp_ns: u64) -> (f64, f64) {
-        let Some(last) = self.last else {
-            return (self.start_x_m, 0.0);
+        let variance_m2 = fit.covariance[(0, 0)];
+        let carried = self
+            .place
+            .update(stamp_ns, fit.pose.x_m, variance_m2, fit.pose.psi_rad);
+        if !carried.is_decided() {
+            fit.caveats.push(PoseCaveat::WhichHexagon);
+            fit.carried = Some(Carried {
+                since_s: expected.since_s,
+                ..carried
+            });
+            return RunPose::Flagged(fit);
+        }
+        let elsewhere = |p: f64| (fit.pose.x_m - carried.x_m).abs() > 0.5 * p;
+        if !self.fitter.surfaces().period_m.is_some_and(elsewhere) {
+            return RunPose::Good(fit);
+        }
+        // The same frame one repetition or more on.
+        let hint = Hint {
+            x_m: Some(carried.x_m),
+            ..Hint::default()
         };
-        let s = (stamp_ns as f64 - last.stamp_ns as f64) * 1e-9;
-        (last.x_m + last.u_mps * s, 0.5 * ACCELERATION_MPS2 * s * s)
-    }
-
-    fn remember(&mut self, stamp_ns: u64, x_m: f64) {
-        let u_mps = match self.last {
-            // Over less than 20 ms the noise of two poses is all there is.
-            Some(last) if stamp_ns.saturating_sub(last.stamp_ns) > 20_000_000 => {
-                (x_m - last.x_m) / ((stamp_ns - last.stamp_ns) as f64 * 1e-9)
+        match again(&self.fitter, &hint) {
+            Ok(mut there) => {
+                there.caveats.retain(|c| *c != PoseCaveat::WhichHexagon);
+                settle_edges(&mut there, &carried, self.fitter.surfaces().period_m);
+                match there.is_flagged() {
+                    true => RunPose::Flagged(Box::new(there)),
+                    false => RunPose::Good(Box::new(there)),
+                }
             }
-            Some(last) => last.u_mps,
-            None => 0.0,
-        };
-        self.last = Some(Last {
-            stamp_ns,
-            x_m,
-            u_mps,
-        });
+            Err(fault) => RunPose::None(fault),
+        }
+    }
+}
+
+/// Takes a pose whose edges are a little off, as a compressed frame's are, for the expected place's where x agrees with
+/// it; its sds grow with what the edges leave. Where that is not scatter but a shift of whole edges, x that agrees says nothing: a wrong
+/// response of the camera shifts the poses that the place comes from alike.
+fn settle_edges(fit: &mut JointPose, expected: &Carried, period_m: Option<f64>) {
+    let off = fit.edge_model_error;
+    if !fit.caveats.contains(&PoseCaveat::EdgesOff)
+        || !(EDGES_OFF..EDGES_NOWHERE).contains(&off)
+        || fit.edges_alike > EDGES_ALIKE
+        || !expected.is_decided()
+        || expected.sd_m > ANCHORED_SD_M
+    {
+        return;
+    }
+    let sds = off / EDGES_SOUND;
+    let away_m = fit.pose.x_m - expected.x_m;
+    let away_m = away_m - period_m.map_or(0.0, |p| (away_m / p).round() * p);
+    let variance_m2 = expected.sd_m.powi(2) + sds * sds * fit.covariance[(0, 0)];
+    if away_m.abs() <= AGREES_SDS * variance_m2.sqrt() {
+        fit.caveats.retain(|c| *c != PoseCaveat::EdgesOff);
+        fit.widen(sds);
     }
 }
 
@@ -164,3 +247,6 @@ pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
         ..VehicleMotion::of_pose(stamp_ns, eta)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,9 +1,17 @@
 //! Bytes in and out, with an honest answer to "when did the last byte leave the host?".
 
+#[cfg(not(feature = "serial"))]
+mod no_serial;
+mod open_error;
+#[cfg(feature = "serial")]
 mod serial;
 mod udp;
 
-pub use serial::{OpenError, SerialTransport};
+#[cfg(not(feature = "serial"))]
+pub use no_serial::SerialTransport;
+pub use open_error::OpenError;
+#[cfg(feature = "serial")]
+pub use serial::SerialTransport;
 pub use udp::UdpTransport;
 
 use std::io;

@@ -179,6 +179,7 @@ fn arguments_and_files_that_are_wrong_are_named() {
         ("--salinity", "60", ["60", "0..35"]),
         ("--ballast", "-1", ["-1", ">= 0"]),
         ("--ballast", "inf", ["inf", ">= 0"]),
+        ("--set", "paint", ["paint", "KEY=VALUE"]),
         ("--water-temp", "nan", ["--water-temp", "0..30"]),
     ] {
         refused(

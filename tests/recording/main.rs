@@ -25,6 +25,7 @@ mod merged_again;
 mod notebook;
 mod one_verdict;
 mod plan_sizes;
+mod pose_gaps;
 mod readme;
 mod record_clock;
 mod record_command;

@@ -31,7 +31,7 @@ const CHANNELS: [&str; 12] = [
 ];
 
 /// Meaning and unit of the columns of runs.csv that do not name a degree of freedom.
-const OF_RUNS: [(&str, &str, &str); 20] = [
+const OF_RUNS: [(&str, &str, &str); 22] = [
     ("run", "", "name of the run"),
     ("file", "", "its table"),
     (
@@ -90,6 +90,12 @@ const OF_RUNS: [(&str, &str, &str); 20] = [
         "measured",
         "",
         "columns of the table that hold measurements",
+    ),
+    ("operator", "", "who recorded, where it was stated"),
+    (
+        "free_keys",
+        "",
+        "further statements: KEY=VALUE, with semicolons between",
     ),
     ("note", "", "what the person at the tank wrote"),
 ];

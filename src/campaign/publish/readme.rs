@@ -6,13 +6,14 @@ use hydroline_rigs::{Dof, Rig};
 use super::{About, File, Published};
 
 /// Conditions that ITTC's procedures ask for, with the column that says them and the option of `record` that states it.
-const CONDITIONS: [(&str, &str, &str); 3] = [
+const CONDITIONS: [(&str, &str, &str); 4] = [
     (
         "temperature of the water",
         "water.temperature_c",
         "--water-temp",
     ),
     ("salinity of the water", "water.salinity_gpkg", "--salinity"),
+    ("who recorded", "operator", "--operator"),
     ("notes of the person at the tank", "note", "--note"),
 ];
 

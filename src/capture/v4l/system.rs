@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use hydroline_rigs::DeviceIdentity;
 
 use super::device::{Errno, NotFound, V4lDevice, V4lSystem};
+#[cfg(feature = "v4l2")]
 use super::kernel::KernelDevice;
 use super::setup::{CAP_CAPTURE, CAP_OUTPUT};
 
@@ -224,6 +225,11 @@ fn path_name(class_dir: &Path, index: u32) -> Option<String> {
 
 impl V4lSystem for KernelSystem {
     fn find(&mut self, identity: &DeviceIdentity) -> Result<PathBuf, NotFound> {
+        if cfg!(not(feature = "v4l2")) {
+            return Err(NotFound {
+                present: "none can be: this program was built without V4L2; build it with the Cargo feature `acquisition`".to_owned(),
+            });
+        }
         let found = match identity {
             DeviceIdentity::Node(node) => node.exists().then(|| node.clone()),
             DeviceIdentity::ById(name) => fs::canonicalize(self.dev.join("v4l/by-id").join(name))
@@ -249,8 +255,14 @@ impl V4lSystem for KernelSystem {
         found.ok_or_else(|| self.present())
     }
 
+    #[cfg(feature = "v4l2")]
     fn open(&mut self, node: &Path) -> Result<Box<dyn V4lDevice>, Errno> {
         Ok(Box::new(KernelDevice::open(node)?))
+    }
+
+    #[cfg(not(feature = "v4l2"))]
+    fn open(&mut self, _node: &Path) -> Result<Box<dyn V4lDevice>, Errno> {
+        Err(Errno(libc::EOPNOTSUPP))
     }
 
     fn holders(&self, node: &Path) -> String {

@@ -2,7 +2,7 @@
 
 use hydroline_capture::SourceDescription;
 use hydroline_core::build_info::BuildInfo;
-use hydroline_core::session::Conditions;
+use hydroline_core::session::{Conditions, FREE_KEY};
 use hydroline_log::{Head, MetadataMap};
 use hydroline_rigs::{Plan, Rig};
 
@@ -65,6 +65,12 @@ pub fn head(input: &SessionInput<'_>) -> Result<Head, String> {
     if let Some(note) = &conditions.note {
         put("note", note.clone());
     }
+    if let Some(operator) = &conditions.operator {
+        put("operator", operator.clone());
+    }
+    for (key, value) in &conditions.set {
+        put(&format!("{FREE_KEY}{key}"), value.clone());
+    }
     if let Some(medium) = conditions.medium {
         put("medium", medium.name().to_owned());
     }
@@ -104,6 +110,8 @@ mod tests {
         let conditions = Conditions {
             water_temperature_c: Some(18.0),
             ballast_kg: Some(0.35),
+            operator: Some("Ada".to_owned()),
+            set: [("plan".to_owned(), "none".to_owned())].into(),
             ..Conditions::default()
         };
         let source = SourceDescription::default();
@@ -120,6 +128,8 @@ mod tests {
         let head = head(&input).unwrap();
         assert!(head.session["water.n_532nm"].starts_with("1.33"));
         assert_eq!(head.session["run"], "1 of 3");
+        assert_eq!(head.session["operator"], "Ada");
+        assert_eq!(head.session["set.plan"], "none");
         assert!(!head.session.contains_key("note") && !head.session.contains_key("plan"));
         assert_eq!(Rig::from_toml(&head.rig_toml, "log", None).unwrap(), rig);
     }

@@ -249,12 +249,17 @@ pub(super) fn poses(
     spawn("poses", shared, move |shared| {
         step_back(19);
         let mut counts = PoseCounts::default();
+        let mut waiting = Waiting::default();
         loop {
             match shared.stripes.take(LOOK) {
                 Taken::Item(seen) => {
                     let stamp_ns = seen.stamp_ns;
+                    let commands = shared.commands.fetched();
                     if let Some(open) = &mut opening {
-                        match open.look(stamp_ns, &seen.image, &seen.profile) {
+                        open.commands(&commands);
+                        let pose = open.look(stamp_ns, &seen.image, &seen.profile);
+                        waiting.see(shared, stamp_ns, &pose);
+                        match pose {
                             RunPose::Good(fit) => {
                                 counts.opening += 1;
                                 measured(shared, &seen, &fit);
@@ -267,7 +272,9 @@ pub(super) fn poses(
                         }
                         continue;
                     }
+                    poses.commands(&commands);
                     let pose = poses.pose(stamp_ns, &seen.image, &seen.profile);
+                    waiting.see(shared, stamp_ns, &pose);
                     counts.count(&pose);
                     if let RunPose::Good(fit) = pose {
                         measured(shared, &seen, &fit);
@@ -286,6 +293,49 @@ pub(super) fn poses(
             }
         }
     })
+}
+
+/// Without a pose for so long, what is waited for is said \[ns\].
+const WAITING_SAID_NS: u64 = 1_000_000_000;
+
+/// A gap in the poses of a run.
+#[derive(Debug, Default)]
+struct Waiting {
+    /// Stamp of the last pose.
+    last_ns: Option<u64>,
+    said: bool,
+}
+
+impl Waiting {
+    /// Sees a frame's outcome; says once per gap what is waited for.
+    fn see(&mut self, shared: &Shared, stamp_ns: u64, pose: &RunPose) {
+        let (words, carried) = match pose {
+            RunPose::Good(_) => {
+                *self = Waiting {
+                    last_ns: Some(stamp_ns),
+                    said: false,
+                };
+                return;
+            }
+            RunPose::Flagged(fit) => (fit.reasons(), fit.carried),
+            RunPose::None(fault) => (fault.to_string(), None),
+        };
+        let Some(last_ns) = self.last_ns else {
+            return;
+        };
+        let since_ns = stamp_ns.saturating_sub(last_ns);
+        if self.said || since_ns < WAITING_SAID_NS {
+            return;
+        }
+        self.said = true;
+        let words = format!("no pose for {:.1} s: {words}", since_ns as f64 * 1e-9);
+        let event = Event::new(stamp_ns, Severity::Warning, &kind::POSE_WAITING, words)
+            .with("since_s", since_ns as f64 * 1e-9);
+        let event = carried.iter().fold(event, |event, carried| {
+            event.with("x_m", carried.x_m).with("x_sd_m", carried.sd_m)
+        });
+        shared.event(&event);
+    }
 }
 
 /// Hands a measured pose to the limits, and to the page.

@@ -3,6 +3,7 @@
 
 use super::{Options, ReplayError};
 use crate::response::{Found, ResponseReport};
+use hydroline_log::messages::unix_ns;
 use hydroline_log::{Closing, Record, Topic};
 use hydroline_pose::joint::ResponsePrior;
 use hydroline_pose::opening::{self, Opening};
@@ -81,8 +82,14 @@ fn of_opening(log: &Path, options: &Options, run: &PoseRun) -> Result<Found, Rep
     let mut analyst = options.analyst();
     let mut opening = Opening::new(run, opening::Options::default());
     for message in options.open(log)? {
-        let Record::Frame(frame) = message?.record else {
-            continue;
+        let frame = match message?.record {
+            Record::Frame(frame) => frame,
+            Record::Command(command) => {
+                let stamp_ns = command.timestamp.as_ref().map_or(0, unix_ns);
+                opening.command(stamp_ns, &command.thruster, command.thrust_n);
+                continue;
+            }
+            _ => continue,
         };
         if let (_, Ok((image, profile))) = analyst.analyse_whole(&frame) {
             opening.look(frame.meta.mid_exposure_ns, &image, &profile);

@@ -1,6 +1,6 @@
 //! `replay --refine`: what the frames of a log share is refined first, then each is fitted under it.
 
-use super::{Analysed, BATCH, Options, ReplayError};
+use super::{Analysed, BATCH, Options, ReplayError, commanded};
 use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_log::Record;
 use hydroline_pose::joint::Hint;
@@ -106,11 +106,15 @@ pub(super) fn refined(
     };
     let mut pending: Vec<Frame> = Vec::with_capacity(BATCH);
     for message in options.open(log)? {
-        if let Record::Frame(frame) = message?.record {
-            pending.push(frame);
-            if pending.len() == BATCH {
-                look(&mut pending, &mut follow, options, &mut spread);
+        match message?.record {
+            Record::Frame(frame) => {
+                pending.push(frame);
+                if pending.len() == BATCH {
+                    look(&mut pending, &mut follow, options, &mut spread);
+                }
             }
+            Record::Command(command) => commanded(&mut follow, &command),
+            _ => {}
         }
     }
     look(&mut pending, &mut follow, options, &mut spread);

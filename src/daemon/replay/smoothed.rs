@@ -1,12 +1,9 @@
 //! `replay --smooth`: the poses of a whole log first, bound together, then written frame by frame.
 
-use super::{Analysed, BATCH, Options, ReplayError};
+use super::{Analysed, BATCH, Options, ReplayError, commanded};
 use hydroline_core::frame::Frame;
 use hydroline_log::Record;
-use hydroline_log::messages::{
-    pb::{ThrusterCommand, VehicleMotion},
-    unix_ns,
-};
+use hydroline_log::messages::{pb::VehicleMotion, unix_ns};
 use hydroline_pose::run::{PoseRun, RunPose};
 use hydroline_pose::smooth::{Dynamics, MeasuredFrame, Smoothed, smooth};
 use hydroline_rigs::Rig;
@@ -63,12 +60,13 @@ pub(super) fn bound(
                     measure(&mut pending, &mut run, options, &mut frames);
                 }
             }
-            Record::Command(ThrusterCommand {
-                timestamp,
-                thruster,
-                thrust_n,
-                ..
-            }) => commands.push((timestamp.as_ref().map_or(0, unix_ns), thruster, thrust_n)),
+            Record::Command(command) => {
+                if let Some(run) = &mut run {
+                    commanded(run, &command);
+                }
+                let stamp_ns = command.timestamp.as_ref().map_or(0, unix_ns);
+                commands.push((stamp_ns, command.thruster, command.thrust_n));
+            }
             _ => {}
         }
     }

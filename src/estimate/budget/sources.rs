@@ -28,8 +28,8 @@ pub(super) struct Consider {
     pub basis: String,
     pub reduce: String,
     pub moved: Moved,
-    /// Amplitude in typical sizes, of which the runs say something.
-    pub is_effect: bool,
+    /// Of an effect, whose amplitude is in typical sizes and of which the runs say something: log prior odds that it acts.
+    pub prior_ln_odds: Option<f64>,
 }
 
 /// Sources of a fit's budget.
@@ -89,7 +89,7 @@ impl Sources<'_> {
                 },
                 reduce: reduce.to_owned(),
                 moved: scaled(moved, sd),
-                is_effect: false,
+                prior_ln_odds: None,
             });
         };
         let commands = self.body().recording.runs.iter().flat_map(|r| &r.commands);
@@ -193,7 +193,7 @@ impl Sources<'_> {
                 basis: "[identified] of the rig".to_owned(),
                 reduce: "a run that determines it".to_owned(),
                 moved: scaled(moved, sd),
-                is_effect: false,
+                prior_ln_odds: None,
             })
         };
         asked.fixed.iter().filter_map(|c| of(*c)).collect()

@@ -38,7 +38,7 @@ impl Sources<'_> {
             basis: "assumed".to_owned(),
             reduce: reduce.to_owned(),
             moved,
-            is_effect: false,
+            prior_ln_odds: None,
         };
         let mut all = Vec::new();
         let lengths = [Channel::X, Channel::Y, Channel::Z];
@@ -89,7 +89,7 @@ impl Sources<'_> {
         all
     }
 
-    /// Effects that these runs would not show at their typical size; in each DOF where one may act it is another one, of whose forms there
+    /// Effects that these runs would not show at their typical size, each with the probability that it is there; in each DOF where one may act it is another one, of whose forms there
     /// the one counts that moves the vehicle by most tolerances.
     pub fn unseen(&self) -> Vec<Consider> {
         let Fitted { problem, fit, .. } = self.fitted;
@@ -128,29 +128,30 @@ impl Sources<'_> {
             let (terms, point) = with.with(fit, *c, numbers);
             let moved = minus(&with.predicted(&terms, &point), &base, 1.0);
             let finite = moved.iter().flatten().flatten().all(|v| v.is_finite());
-            finite.then(|| ((candidate.info.id, candidate.place()), moved))
+            let ln_odds = with.ln_prior(&[*c]);
+            finite.then(|| ((candidate.info.id, candidate.place()), (moved, ln_odds)))
         });
         let tolerance = &body.tolerance;
         let tolerances = |v: &PerChannel<f64>| -> f64 {
             let each = v.each().map(|(c, v)| (v / tolerance[c]).powi(2));
             each.filter(|v| v.is_finite()).sum()
         };
-        let mut largest: BTreeMap<(&str, Option<&str>), (f64, Moved)> = BTreeMap::new();
-        for (place, moved) in made.into_iter().flatten() {
+        let mut largest: BTreeMap<(&str, Option<&str>), (f64, Moved, f64)> = BTreeMap::new();
+        for (place, (moved, ln_odds)) in made.into_iter().flatten() {
             let size: f64 = moved.iter().flatten().map(tolerances).sum();
-            if largest.get(&place).is_none_or(|(most, _)| size > *most) {
-                largest.insert(place, (size, moved));
+            if largest.get(&place).is_none_or(|(most, ..)| size > *most) {
+                largest.insert(place, (size, moved, ln_odds));
             }
         }
         let each = largest.into_iter();
-        each.map(|((id, _), (_, moved))| Consider {
+        each.map(|((id, _), (_, moved, ln_odds))| Consider {
             source: id.to_owned(),
             sd: None,
             unit: "typical size",
             basis: "not identifiable with these runs".to_owned(),
             reduce: "a run that shows it (hydroline diagnose names the plan)".to_owned(),
             moved,
-            is_effect: true,
+            prior_ln_odds: Some(ln_odds),
         })
         .collect()
     }

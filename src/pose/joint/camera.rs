@@ -30,6 +30,10 @@ const LINEAR_PROBABILITY: f64 = 0.5;
 /// Where it does not, the prior of ln γ is a mixture of these: shares and sds. Half are cameras for people, half leave light nearly as
 /// it is: slightly nonlinear sensors, and images that were linearised.
 const CURVES: [[f64; 2]; 2] = [[0.5, 0.6], [0.5, 0.1]];
+/// Squared distance of an estimate from the prior's mean, in the prior's sds, beyond which it is of no camera and no line: exceeded
+/// with a probability of 1e-4 (χ², ten degrees of freedom). Frames that a wrong sheet or target explains badly move the
+/// response to where they fit.
+const OF_NO_CAMERA: f64 = 35.56;
 
 /// A camera's response g = b + 255 (L/255)^γ and the line's transverse profile, known to their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,7 +120,8 @@ impl CameraResponse {
         Self::of_opening_with_prior(seen, &ResponsePrior::OF_CAMERAS)
     }
 
-    /// Pooled estimate from some frames fitted under a prior; `None` where they are fewer than three.
+    /// Pooled estimate from some frames fitted under a prior; `None` where they are fewer than three, or where it is that
+    /// of no camera.
     ///
     /// That the camera leaves light as it is is one hypothesis, that the line is a Gaussian another, each with a
     /// prior probability of one half. The four that they make up have their evidence (Savage and Dickey: prior over posterior density at the values of the
@@ -141,6 +146,9 @@ impl CameraResponse {
             });
         let times = scatter(seen, prior, at_first).max(line_residuals.in_noise());
         let all = pooled(seen, prior, times)?;
+        if (all.0.transpose() * prior * all.0)[0] > OF_NO_CAMERA {
+            return None;
+        }
         let found: Vec<Hypothesis> = [[false, false], [true, false], [false, true], [true, true]]
             .into_iter()
             .filter(|[straight, _]| !(*straight && response_prior.is_stated()))
@@ -325,6 +333,19 @@ mod tests {
             (found.covariance[(0, 0)].sqrt() - 0.005).abs() < 1e-4,
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn a_response_of_no_camera_is_not_believed() {
+        let mut seen = frames(&[0.1; 5], 0.01, 3.0);
+        for (c3, is_believed) in [(0.15, true), (0.35, false)] {
+            for frame in &mut seen {
+                frame.mean[2] = -c3;
+                frame.information[(2, 2)] = 1e6;
+            }
+            let found = CameraResponse::of_opening(&seen);
+            assert_eq!(found.is_some(), is_believed, "c3 {c3}: {found:?}");
+        }
     }
 
     #[test]

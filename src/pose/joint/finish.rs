@@ -16,6 +16,12 @@ use hydroline_stripe::Profile;
 pub(super) const CUT: f64 = 6.0;
 /// Residual per pixel beyond which a fit does not explain the frame.
 const MISFIT: f64 = 4.0;
+/// Share of pixels set aside beyond which a fit does not explain the frame; where what is left does not hang together, light of many
+/// grains, whose brightness has a long tail.
+const REJECTED_MOST: f64 = 0.05;
+const GRAIN_REJECTED_MOST: f64 = 0.15;
+/// Pixels that residuals which hang together over eight columns make one, less the one (Newey and West 1987, eight lags).
+const STRUCTURE_COLUMNS: f64 = 8.0;
 const ITERATIONS: usize = 14;
 /// Of the camera's curve, what of ln γ and, as far as light is not left as it is, of the black level \[grey levels\] may be
 /// left straight: at an approach, and at the end.
@@ -135,25 +141,47 @@ impl PoseFitter {
         };
         let rejected = sums.tally.rejected as f64
             / (sums.tally.edge_count + sums.tally.bright_count).max(1) as f64;
-        // Relative to the frame's own dark noise the residual shows whether the model holds at all.
-        let dark_sd = profile.noise_sd.max(1.0) * light_per_grey(state.tone, state.background);
-        let chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
+        // Relative to the frame's own dark noise the residual shows whether the model holds at all. Under a curve the sensor's
+        // noise is as large in the light everywhere, that of rounding and compression in the grey levels: the larger counts.
+        let lit = match picture.clipped_share > CLIPPED_LINE {
+            // What is seen of the line are its flanks.
+            true => state.background,
+            false => state.background + state.brightness.max(0.0),
+        };
+        let per_grey = [state.background, lit].map(|l| light_per_grey(state.tone, l));
+        let dark_sd = profile.noise_sd.max(1.0) * per_grey[0].max(per_grey[1]);
+        let mut chi = lit_noise(&sums).unwrap_or(0.0) / dark_sd;
+        let mut rejected_most = REJECTED_MOST;
+        let mut wider_sds = 1.0;
+        // Where pitch is held, x and z are off by what it is off, and no noise states that.
+        if free[4] && (chi > 0.5 * MISFIT || rejected > rejected_most) {
+            // More than the dark's noise: is it noise of the light itself, or something that the model does not know?
+            let plan = model.plan(&state, TO_FINISH).uncut();
+            let structure_sd = model.structure_sd(&plan, picture, &state, &weighting);
+            chi = 1.0_f64.hypot(structure_sd / dark_sd);
+            let correlated = (structure_sd / weighting.noise_sd).powi(2);
+            wider_sds = (1.0 + STRUCTURE_COLUMNS * correlated).sqrt();
+            if chi <= 0.5 * MISFIT {
+                rejected_most = GRAIN_REJECTED_MOST;
+            }
+        }
         let light = LightSeen::of(picture, &state);
         if chi > MISFIT || !plausible(&state) {
             return Err(PoseFault::Unexplained { chi, light });
         }
-        if rejected > 0.05 || chi > 0.5 * MISFIT {
+        if rejected > rejected_most || chi > 0.5 * MISFIT {
             caveats.push(PoseCaveat::Misfit);
         }
-        let [alone, covariance_with_thickness] =
+        let [alone, with_response] =
             covariances(&sums, &free, considered).ok_or(PoseFault::NotConverged)?;
+        let covariance_with_thickness = with_response + alone * (sums.edges.birge2() - 1.0);
         let response = match self.camera {
             None => self.response_seen(model, picture, &state, &weighting, &all_free),
             Some(_) => None,
         };
         let mut measured = [false; 6];
         measured.copy_from_slice(&free[..6]);
-        Ok(JointPose {
+        let mut fitted = JointPose {
             pose: state.pose,
             covariance: covariance_with_thickness.fixed_view::<6, 6>(0, 0).into(),
             covariance_with_thickness,
@@ -171,9 +199,15 @@ impl PoseFitter {
             noise_sd: weighting.noise_sd,
             rejected,
             edge_model_error,
+            edges_alike: sums.edges.alike(weighting.noise_sd),
             pixels: sums.tally.pixels,
             caveats,
-        })
+            carried: None,
+        };
+        if wider_sds > 1.0 {
+            fitted.widen(wider_sds);
+        }
+        Ok(fitted)
     }
 
     /// A frame's estimate of the camera's response, from light that no edge cuts: edges lie off by a hundredth of a pixel, and

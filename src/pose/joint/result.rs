@@ -2,7 +2,8 @@
 
 use super::super::photometric::{ACROSS, UNEVEN};
 use super::super::segments::{Caveat, SegmentError};
-use super::{LightSeen, Matrix7, ResponseSeen};
+use super::{EDGES_ALIKE, EDGES_OFF, EDGES_SOUND, LightSeen, Matrix7, ResponseSeen};
+use crate::place::Carried;
 use hydroline_calib::Pose;
 use nalgebra::Matrix6;
 
@@ -18,7 +19,7 @@ pub enum PoseCaveat {
     BareFloor,
     #[error("pitch is not shown by this frame: held, and x and z hold for that pitch")]
     PitchHeld,
-    #[error("the target looks the same one hexagon on: x is known up to that, a hint is needed")]
+    #[error("the target looks the same one hexagon on: x is known up to that")]
     WhichHexagon,
     #[error("another pose explains the frame nearly as well")]
     Ambiguous,
@@ -27,7 +28,7 @@ pub enum PoseCaveat {
     )]
     Misfit,
     #[error(
-        "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, or light that the model does not know"
+        "the target's edges are not where the pose has them: another place on the target, a sheet that is not the rig's (`replay --refine` finds its tilt and thickness), another target, a camera whose response is not the one in force (`hydroline flat`), or light that the model does not know"
     )]
     EdgesOff,
 }
@@ -70,10 +71,15 @@ pub struct JointPose {
     pub rejected: f64,
     /// Model error of the edges' pixels: sd beyond their noise, as a share of the light of a pixel cut in half.
     pub edge_model_error: f64,
+    /// Share of its square that the pixels of an edge have alike: scatter has none, a wrong place or a wrong response of the camera
+    /// more than half.
+    pub edges_alike: f64,
     /// Pixels compared.
     pub pixels: usize,
     /// Reservations about the pose.
     pub caveats: Vec<PoseCaveat>,
+    /// Where a run carries x, as long as the motion has not decided between places.
+    pub carried: Option<Carried>,
 }
 
 impl JointPose {
@@ -89,9 +95,23 @@ impl JointPose {
         .any(|c| self.caveats.contains(c))
     }
 
+    /// Whether the edges are not where the target has them: off by too much, or off as a whole.
+    pub(crate) fn edges_are_off(&self) -> bool {
+        self.edge_model_error >= EDGES_OFF
+            || self.edge_model_error >= EDGES_SOUND && self.edges_alike > EDGES_ALIKE
+    }
+
+    /// Scales what the pose states of its own uncertainty by a factor of its sds.
+    pub(crate) fn widen(&mut self, sds: f64) {
+        self.covariance *= sds * sds;
+        self.covariance_with_thickness *= sds * sds;
+        self.theta_sd_alone_rad *= sds;
+    }
+
     /// The caveats in words, and where the frame does not fit, what its light looks like.
     pub fn reasons(&self) -> String {
         let mut words: Vec<String> = self.caveats.iter().map(ToString::to_string).collect();
+        words.extend(self.carried.as_ref().map(ToString::to_string));
         let off = [PoseCaveat::Misfit, PoseCaveat::EdgesOff];
         if off.iter().any(|c| self.caveats.contains(c)) {
             words.push(format!(

@@ -109,6 +109,31 @@ impl EdgesSeen {
         all(&self.edges).model_error_sd(noise_sd, more)
     }
 
+    /// Share of the edges' squared model error that the pixels of an edge have alike: near one where edges as a whole lie
+    /// elsewhere than the target's or the camera's curve is another, near zero where pixels scatter, as compression leaves them.
+    pub fn alike(&self, noise_sd: f64) -> f64 {
+        let (mut alike, mut excess) = (0.0, 0.0);
+        for e in self.edges.iter().filter(|e| e.light2 > 0.0) {
+            // Scatter alone leaves one pixel's square.
+            alike += e.residual_by_light.powi(2) / e.light2 - e.square / e.count as f64;
+            excess += e.square - e.count as f64 * noise_sd * noise_sd;
+        }
+        match excess > 0.0 {
+            true => (alike / excess).clamp(0.0, 1.0),
+            false => 0.0,
+        }
+    }
+
+    /// Squared shift of the edges as a whole over the variance that the fit's weights give it, mean of the edges; at least one
+    /// (Birge 1932): what the pixels of an edge have alike does not average out over them.
+    pub fn birge2(&self) -> f64 {
+        let seen = self.edges.iter().filter(|e| e.weighed[1] > 0.0);
+        let (sum, n) = seen.fold((0.0, 0.0), |(sum, n), e| {
+            (sum + e.weighed[0] * e.weighed[0] / e.weighed[1], n + 1.0)
+        });
+        (sum / f64::max(n, 1.0)).max(1.0)
+    }
+
     /// Share of the blur that is formed on the pixel grid, by least squares of the edges' residuals:
     /// within 0.04 from one frame of two edges along the columns, shrunk to zero where pixels are few. It holds
     /// if the rig's blur does: edges a tenth sharper than that count as 0.2 of it along the columns and as all aslant,
@@ -127,6 +152,7 @@ fn all(edges: &[EdgeSums]) -> EdgeSums {
         all.square += e.square;
         all.light2 += e.light2;
         all.residual_by_grid += e.residual_by_grid;
+        all.residual_by_light += e.residual_by_light;
         all.by_grid2 += e.by_grid2;
         for (a, b) in all.along.iter_mut().zip(e.along) {
             *a += b;
@@ -146,6 +172,10 @@ pub(super) struct EdgeSums {
     /// Products of residuals and what grid blur would add, and the square of the latter.
     residual_by_grid: f64,
     by_grid2: f64,
+    /// Products of residuals and [`EdgeLight::light`]; and of their weighted sums, as the fit weighs these pixels, the product and
+    /// the light squared.
+    residual_by_light: f64,
+    weighed: [f64; 2],
     /// Σ w (rᵢ rⱼ, rᵢ bⱼ + bᵢ rⱼ, bᵢ bⱼ) over pixels one and two rows apart: r residual, b what grid blur would add.
     along: [f64; 3],
     /// The last pixels of the column, the nearest first.
@@ -171,13 +201,16 @@ impl EdgeSums {
         self.before = [None, self.before[0]];
     }
 
-    /// Counts a pixel that the edge cuts, one row after the last one.
+    /// Counts a pixel that the edge cuts, one row after the last one; `of_variance` is what the fit weighs it by.
     #[inline]
-    pub fn see(&mut self, edge_light: EdgeLight, residual: f64, noise_sd: f64) {
+    pub fn see(&mut self, edge_light: EdgeLight, residual: f64, noise_sd: f64, of_variance: f64) {
         let light = edge_light.light;
         if light > EDGE_LIGHT_LEAST && residual.abs() < EXCESS_MOST * light + 4.0 * noise_sd {
             self.square += residual * residual;
             self.light2 += light * light;
+            self.residual_by_light += light * residual;
+            self.weighed[0] += light * residual * of_variance;
+            self.weighed[1] += light * light * of_variance;
             self.residual_by_grid += edge_light.by_grid * residual;
             self.by_grid2 += edge_light.by_grid * edge_light.by_grid;
             self.count += 1;
@@ -227,6 +260,7 @@ mod tests {
                         },
                         *r,
                         1.0,
+                        1.0,
                     ),
                     None => sums.skip(),
                 }
@@ -250,6 +284,31 @@ mod tests {
     }
 
     #[test]
+    fn a_shift_of_a_whole_edge_is_not_scatter() {
+        let seen = |residual: fn(i32) -> f64| {
+            let mut sums = EdgeSums::default();
+            for k in 0..40 {
+                sums.next_column();
+                let edge_light = EdgeLight {
+                    light: 100.0,
+                    by_grid: 0.0,
+                };
+                sums.see(edge_light, residual(k), 1.0, 1.0 / 9.0);
+            }
+            EdgesSeen {
+                edges: vec![sums],
+                grid_share: 0.0,
+            }
+        };
+        let scatter = seen(|k| if k % 2 == 0 { 3.0 } else { -3.0 });
+        assert_eq!((scatter.alike(1.0), scatter.birge2()), (0.0, 1.0));
+        // Of 40 · 9 − 40 that they have beyond the noise 40 · 9 − 9 are alike: all of it. A shift of √40 of its sds.
+        let shift = seen(|_| 3.0);
+        assert_eq!(shift.alike(1.0), 1.0);
+        assert!((shift.birge2() - 40.0).abs() < 1e-9, "{}", shift.birge2());
+    }
+
+    #[test]
     fn blur_on_the_grid_is_not_model_error() {
         let mut sums = EdgeSums::default();
         for k in 0..40 {
@@ -260,6 +319,7 @@ mod tests {
                     by_grid,
                 },
                 0.7 * by_grid,
+                1.0,
                 1.0,
             );
         }

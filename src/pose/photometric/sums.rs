@@ -483,6 +483,7 @@ impl<'a> Counter<'a> {
                     },
                     residual,
                     noise_sd,
+                    weight * of_variance,
                 );
             }
             _ => self.skip(),

@@ -1,6 +1,6 @@
 //! A serial port (or pseudo-terminal) through the `serialport` crate.
 
-use super::{LineModel, Sent, Transport, Wire};
+use super::{LineModel, OpenError, Sent, Transport, Wire};
 use crate::lowlatency::{self, LowLatency};
 use hydroline_core::clock::Clock;
 use serialport::{ClearBuffer, SerialPort, TTYPort};
@@ -12,25 +12,6 @@ use std::time::{Duration, Instant};
 
 /// Most bytes per write: serialport's timeout covers the poll, not a large write, which can block beyond it.
 const MAX_WRITE: usize = 255;
-
-/// Reason why a port did not open.
-#[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)] // Each message names its fields.
-pub enum OpenError {
-    /// Not there (unplugged, wrong identity).
-    #[error("serial port {wanted} is not there: {hint}")]
-    NotFound {
-        wanted: String,
-        /// Ports that are there instead, or what to do.
-        hint: String,
-    },
-    #[error("{0}")]
-    Permission(String),
-    #[error("serial port {path} is in use by another process (lsof {path} names it)")]
-    Busy { path: PathBuf },
-    #[error("serial port {path} does not open: {reason}")]
-    Other { path: PathBuf, reason: String },
-}
 
 /// An open serial port.
 pub struct SerialTransport {

@@ -134,4 +134,10 @@ kinds! {
         "frames_ln_gamma" [""] "where the rig states the curve: ln γ as the frames alone say it",
         "frames_ln_gamma_sd" [""] "its standard deviation",
     };
+    POSE_WAITING "pose.waiting" [Warning]
+        "No pose for a second after there were some, and what is waited for; once until the pose is back." {
+        "since_s" ["s"] "time since the last pose",
+        "x_m" ["m"] "where x is carried to by vehicle and commands",
+        "x_sd_m" ["m"] "standard deviation of that",
+    };
 }

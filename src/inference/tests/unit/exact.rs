@@ -25,12 +25,12 @@ const THIN: f64 = 30.0;
 
 /// Log evidence, and of how many draws it is worth.
 fn integral(problem: &Problem, fit: &Fit, draws: usize, seed: u64) -> (f64, f64) {
-    let median = problem.body.prior.misfit_over_tolerance;
+    let prior = &problem.body.prior;
     let cells: Vec<Cell> = Cell::all().collect();
     let of = |d: usize| {
         let each = cells.iter().map(|cell| {
             let own = filters(&problem.body, &problem.worth, &problem.noises, d, *cell);
-            (ln_prior(*cell, median), own)
+            (ln_prior(*cell, prior), own)
         });
         (d, each.collect::<Vec<_>>())
     };
