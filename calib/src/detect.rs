@@ -282,7 +282,7 @@ fn see_in(
         ordered,
         nodes,
         rest,
-        blur_px: refiner.blur_px,
+        blur_px: refiner.blur_px[0].hypot(refiner.blur_px[1]) / std::f64::consts::SQRT_2,
         noise,
         contrast: contrast.abs(),
         gamma: refiner.tone.as_ref().map(|t| t.gamma),

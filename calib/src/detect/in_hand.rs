@@ -32,7 +32,7 @@ pub struct InHand {
     pub nodes: Vec<LatticeNode>,
     /// Whether key or markers say which node is which, and that the image is not mirrored.
     pub identified: bool,
-    /// Point spread, standard deviation \[px\], pixel size included.
+    /// Point spread, standard deviation \[px\], pixel size included; of a moved board the root mean square of both directions'.
     pub blur_px: f64,
     /// Median of what the fits left \[grey levels\].
     pub noise: f64,

@@ -47,8 +47,9 @@ pub(super) struct Refiner<'a> {
     /// Index to image, and back.
     pub to_image: Matrix3<f64>,
     pub to_index: Matrix3<f64>,
-    /// Point spread including the pixel's own size \[px\].
-    pub blur_px: f64,
+    /// Point spread including the pixel's own size, across the rims along η and across those along ξ \[px\]: a hand that
+    /// moves blurs one of them more than the other.
+    pub blur_px: [f64; 2],
     /// The camera's curve, where the board shows that it has one.
     pub tone: Option<Tone>,
 }
@@ -172,7 +173,7 @@ impl LeastSquares<Const<6>> for Patch<'_> {
         let local = Local::new(
             self.refiner.board,
             &self.m,
-            self.refiner.blur_px.hypot(soft),
+            self.refiner.blur_px.map(|s| s.hypot(soft)),
         );
         // Before the levels are known it is not known which of them is light.
         let levels = round > 0;
@@ -356,7 +357,7 @@ impl Refiner<'_> {
         let ideal = index.map(f64::from);
         let (c, s) = (
             Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
-            self.blur_px,
+            self.blur_px[0].max(self.blur_px[1]),
         );
         let m = c.try_inverse()?;
         // Second order from the global homography, first order from the neighbours.
