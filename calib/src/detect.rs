@@ -14,6 +14,7 @@ mod in_hand;
 mod key;
 mod lattice;
 mod line;
+mod markers;
 mod marks;
 mod reason;
 mod refine;
@@ -31,11 +32,13 @@ pub use reason::NotFound;
 use hydroline_rigs::{Board, BoardPattern};
 
 use crate::board;
+use crate::charuco::Markers;
 use crate::map::Node;
 use candidates::Candidate;
 use fine::{centre_dots, drop_miscounted, drop_thin_borders, fine};
 use identify::{Ordered, place};
 use image::Plane;
+use key::KeySearch;
 use lattice::{Field, Index, Lattice};
 use refine::Refined;
 use smooth::{drop_strays, fill};
@@ -136,7 +139,8 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
             second,
         });
     }
-    let (orientation, turns, shift) = place(image, board, &seen.ordered, seen.contrast)?;
+    let key = seen.key(image, board)?;
+    let (orientation, turns, shift) = place(image, board, &seen.ordered, seen.contrast, key)?;
     let mut kept: Vec<BoardNode> = Vec::with_capacity(wanted);
     for (index, r) in &seen.nodes {
         let [i, j] = identify::turn_index(*index, turns);
@@ -178,7 +182,29 @@ struct Seen {
     blur_px: f64,
     noise: f64,
     contrast: f64,
+    /// Whether the squares with an even sum of indices are light; of a chessboard.
+    light_even: bool,
     gamma: Option<f64>,
+}
+
+impl Seen {
+    /// What the board's key or its markers say; `None` of a board that has neither.
+    fn key(&self, image: &Grey<'_>, board: &Board) -> Result<Option<KeySearch>, NotFound> {
+        if let Some(markers) = Markers::of(board) {
+            let (map, _) = smooth::Smooth::fit(&self.nodes).ok_or(NotFound::NoBoard)?;
+            let asked = markers::Asked {
+                image,
+                map: &map,
+                nodes: &self.nodes.iter().map(|n| n.0).collect(),
+                light_even: self.light_even,
+                contrast: self.contrast,
+            };
+            return asked.search(&markers).map(Some);
+        }
+        let h = self.ordered.homography().ok_or(NotFound::NoBoard)?;
+        let key = board::key(board);
+        Ok(key.map(|key| (self.ordered).find_key(image, board, &key, &h, self.contrast)))
+    }
 }
 
 /// The board's pattern in upright order; `None` where no lattice is consistent.
@@ -190,14 +216,17 @@ struct Seen {
 fn see(image: &Grey<'_>, board: &Board, fewest: usize) -> Option<Seen> {
     let wanted = [board.columns, board.rows];
     let enough = (board.columns * board.rows) as usize * 7 / 10;
-    let reductions = match board.pattern {
-        BoardPattern::Dots { .. } => [4, 2, 1],
-        _ => [2, 1, 4],
+    let reductions: &[usize] = match board.pattern {
+        BoardPattern::Dots { .. } => &[4, 2, 1],
+        // Markers are a tenth of a square's size and full of corners: in one of these they have vanished, and the squares
+        // have not.
+        BoardPattern::Charuco { .. } => &[4, 2, 8, 1, 16],
+        _ => &[2, 1, 4],
     };
     let mut lattices: Vec<(bool, Coarse)> = Vec::new();
     let mut best: Option<Seen> = None;
-    for (tried, reduction) in reductions.into_iter().enumerate() {
-        if let Some(found) = coarse(image, board, reduction, fewest) {
+    for (tried, reduction) in reductions.iter().enumerate() {
+        if let Some(found) = coarse(image, board, *reduction, fewest) {
             let [ni, nj] = found.0.extent();
             let whole = [ni, nj] == wanted || [nj, ni] == wanted;
             lattices.push((whole && found.0.nodes.len() >= enough, found));
@@ -239,6 +268,7 @@ fn see_in(
     if matches!(board.pattern, BoardPattern::Dots { .. }) {
         centre_dots(image, board, &mut ordered);
     }
+    markers::sharpen(image, board, rest.plane.reduction, &mut ordered);
     let (mut nodes, refiner) = fine(image, board, &ordered)?;
     let median = |mut values: Vec<f64>| -> f64 {
         values.sort_by(f64::total_cmp);
@@ -246,7 +276,7 @@ fn see_in(
     };
     // Corners of a chessboard alternate; lines and dots are dark. What differs is none.
     let signed = |(index, r): &(Index, Refined)| match board.pattern {
-        BoardPattern::Chessboard if (index[0] + index[1]) % 2 != 0 => -r.contrast,
+        pattern if pattern.is_chess() && (index[0] + index[1]) % 2 != 0 => -r.contrast,
         _ => r.contrast,
     };
     let contrast = median(nodes.iter().map(signed).collect());
@@ -285,6 +315,7 @@ fn see_in(
         blur_px: refiner.blur_px[0].hypot(refiner.blur_px[1]) / std::f64::consts::SQRT_2,
         noise,
         contrast: contrast.abs(),
+        light_even: (contrast > 0.0) == ((low[0] + low[1]) % 2 == 0),
         gamma: refiner.tone.as_ref().map(|t| t.gamma),
     })
 }

@@ -25,7 +25,7 @@ pub(super) fn find(plane: &Plane, pattern: BoardPattern, limit: usize) -> Vec<Ca
     if w <= 2 * BORDER + 2 || h <= 2 * BORDER + 2 {
         return Vec::new();
     }
-    let saddle = matches!(pattern, BoardPattern::Chessboard);
+    let saddle = pattern.is_chess();
     let sign = if saddle { -1.0f32 } else { 1.0 };
     let mut response = vec![0.0f32; w * h];
     for r in BORDER..h - BORDER {

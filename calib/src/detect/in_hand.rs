@@ -38,6 +38,8 @@ pub struct InHand {
     pub noise: f64,
     /// Median contrast of the pattern \[grey levels\].
     pub contrast: f64,
+    /// Whether the squares with an even sum of the lattice's own indices are light.
+    pub(super) light_even: bool,
     /// Nodes along the lattice's own two directions.
     pub(super) lattice: [u32; 2],
     /// The lattice's own coordinates, from 0, to the image.
@@ -117,10 +119,7 @@ fn in_size(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFound> {
             pattern: None,
         });
     }
-    let h = seen.ordered.homography().ok_or(NotFound::NoBoard)?;
-    let found = crate::board::key(board)
-        .map(|key| (seen.ordered).find_key(image, board, &key, &h, seen.contrast));
-    let (identified, turns, shift) = match found {
+    let (identified, turns, shift) = match seen.key(image, board)? {
         Some(KeySearch::Seen(turns, shift)) => (true, turns, shift),
         Some(KeySearch::Mirrored) => return Err(NotFound::Mirrored { aside: false }),
         // On its side is no fault of a board in the hand.
@@ -132,7 +131,14 @@ fn in_size(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFound> {
         let [i, j] = turn_index(index, turns);
         [i + shift[0], j + shift[1]]
     };
+    let on_board = |k: Index| {
+        [0, 1]
+            .iter()
+            .all(|&a| (0..wanted[a] as i32).contains(&k[a]))
+            || !identified
+    };
     let mut nodes: Vec<LatticeNode> = (seen.nodes.iter())
+        .filter(|(index, _)| on_board(place(*index)))
         .map(|(index, r)| LatticeNode {
             index: place(*index),
             pixel: r.position,
@@ -147,6 +153,7 @@ fn in_size(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFound> {
         noise: seen.noise,
         contrast: seen.contrast,
         lattice: extent,
+        light_even: seen.light_even,
         smooth: Smooth::fit(&seen.nodes).map(|(map, _)| map),
     })
 }

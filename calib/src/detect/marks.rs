@@ -72,7 +72,7 @@ impl Local {
         Local {
             table: normal_table(),
             kind: match board.pattern {
-                BoardPattern::Chessboard => Marks::Corner,
+                BoardPattern::Chessboard | BoardPattern::Charuco { .. } => Marks::Corner,
                 BoardPattern::Lines { line_m } => {
                     let half = 0.5 * line_m / board.pitch_m;
                     Marks::Lines([0, 1].map(|k| half * per[k] / blur_px[k]))

@@ -35,7 +35,7 @@ impl Refined {
     /// leaves a fifth of its contrast.
     pub fn is_pattern(&self) -> bool {
         let contrast = self.contrast.abs();
-        self.rms < (0.1 * contrast).max(4.0)
+        self.rms < 0.1 * contrast
             || (self.misfit < 0.1 * contrast && self.rms < NOISIEST * contrast)
     }
 }
@@ -70,6 +70,11 @@ const FARTHEST_STEP_PX: [f64; ROUNDS] = {
 const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
 const PATCH_PX: f64 = 7.0;
+
+/// Distance in blurs from a marker's rim at which hardly any of it is left.
+const CLEAR_OF_MARKER: f64 = 1.5;
+/// A crossing's arms are at least so wide to either side \[px\]: less shows no rim.
+const NARROWEST_PX: f64 = 1.0;
 
 /// o, g_x, g_y, c, δ_x, δ_y.
 pub(super) type Unknowns = SVector<f64, 6>;
@@ -371,6 +376,7 @@ impl Refiner<'_> {
         // A soft rim is wide: seen through a narrow ring, more blur and more contrast look alike.
         let rim_px = (2.5 * s).max(3.5);
         let reach = if dots { 22.0 } else { PATCH_PX };
+        let clear = self.clear_of_marker(&m);
         let half = |k: usize| {
             (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
                 .min(reach)
@@ -402,6 +408,8 @@ impl Refiner<'_> {
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
                     ((rho - dot_radius) / size).abs() > rim_px
                 };
+                // Where a marker is, or its rim's blur; in all four squares alike, so that what is left of it moves no node.
+                let far = far || (u.abs().min(v.abs()) > clear);
                 if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
                     pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);
                 }
@@ -430,6 +438,17 @@ impl Refiner<'_> {
             hessian: found.normal.hessian,
             patch,
         })
+    }
+
+    /// Half width in pitches of the arms of a corner that no marker reaches; infinite on boards without.
+    fn clear_of_marker(&self, m: &Matrix2<f64>) -> f64 {
+        let BoardPattern::Charuco { marker_m, .. } = self.board.pattern else {
+            return f64::INFINITY;
+        };
+        let per_px = m.row(0).norm().max(m.row(1).norm());
+        let gap = 0.5 * (1.0 - marker_m / self.board.pitch_m);
+        let blur_px = self.blur_px[0].max(self.blur_px[1]);
+        (gap - CLEAR_OF_MARKER * blur_px * per_px).max(NARROWEST_PX * per_px)
     }
 
     /// Whether both lines of a crossing are there: each gets an amplitude of its own. A

@@ -201,6 +201,8 @@ fn stands_out(refiner: &Refiner<'_>, map: &Smooth, [i, j]: [f64; 2], least: f64)
     };
     let four = |d: f64| Some([grey(d, d)?, grey(-d, -d)?, grey(d, -d)?, grey(-d, d)?]);
     let difference = || match refiner.board.pattern {
+        // The light squares are half dark with markers.
+        BoardPattern::Charuco { .. } => Some(f64::INFINITY),
         BoardPattern::Chessboard => {
             let [a, b, c, d] = four(0.2)?;
             Some((0.25 * (a + b - c - d)).abs())

@@ -3,7 +3,8 @@
 //!
 //! Shares nothing with the detector: places come from the camera's own lens, inverted by fixed point.
 
-use hydroline_rigs::{Board, BoardPattern};
+use hydroline_calib::charuco::Markers;
+use hydroline_rigs::{Board, BoardPattern, Dictionary};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, Normal};
@@ -125,8 +126,20 @@ impl Shot {
         (far > 0.0).then_some([at[0], at[1]])
     }
 
-    /// Reflectance there; `None` beside the board.
-    fn grey(&self, at: [f64; 2]) -> Option<f64> {
+    /// Size of a pixel on the board along ξ and η \[m\], from three of its corners' rays.
+    fn size_m(&self, corners: [[f64; 2]; 3]) -> [f64; 2] {
+        let [a, b, c] = corners.map(|ray| self.meet(ray[0], ray[1]));
+        match (a, b, c) {
+            (Some(a), Some(b), Some(c)) => {
+                [0, 1].map(|k| (b[k] - a[k]).abs() + (c[k] - a[k]).abs())
+            }
+            _ => [0.0; 2],
+        }
+    }
+
+    /// Mean reflectance of a place so large \[m\]; `None` beside the board. Without its size an edge that runs along the
+    /// pixels' rows would lie at the nearest quarter of a pixel.
+    fn grey(&self, at: [f64; 2], size_m: [f64; 2]) -> Option<f64> {
         let b = &self.board;
         let half = [b.columns, b.rows].map(|n| 0.5 * (f64::from(n) + 1.0) * b.pitch_m);
         if (0..2).any(|a| at[a].abs() > half[a] + self.white_m) {
@@ -135,15 +148,73 @@ impl Shot {
         if (0..2).any(|a| at[a].abs() > half[a]) {
             return Some(self.greys[0]);
         }
-        let u = at[0] / b.pitch_m + 0.5 * (f64::from(b.columns) - 1.0);
-        let v = at[1] / b.pitch_m + 0.5 * (f64::from(b.rows) - 1.0);
-        let dark = (u.floor() as i64 + v.floor() as i64).rem_euclid(2) == 0;
-        Some(self.greys[usize::from(dark)])
+        // From −1 to 1 across every rim.
+        let sides = [(0, b.columns), (1, b.rows)].map(|(k, n)| {
+            let u = at[k] / b.pitch_m + 0.5 * (f64::from(n) - 1.0);
+            let even = u.floor() as i64 % 2 == 0;
+            let off_m = (u - u.round()) * b.pitch_m;
+            let rises = if (u.round() as i64) % 2 == 0 {
+                1.0
+            } else {
+                -1.0
+            };
+            match size_m[k] {
+                0.0 => {
+                    if even {
+                        1.0
+                    } else {
+                        -1.0
+                    }
+                }
+                size => (2.0 * off_m / size).clamp(-1.0, 1.0) * rises,
+            }
+        });
+        let mut dark = 0.5 + 0.5 * sides[0] * sides[1];
+        if let Some(markers) = Markers::of(b) {
+            // The square at the upper left is dark.
+            if (b.columns + b.rows) % 2 != 0 {
+                dark = 1.0 - dark;
+            }
+            let k = [(0, b.columns), (1, b.rows)]
+                .map(|(k, n)| at[k] / b.pitch_m + 0.5 * (f64::from(n) - 1.0));
+            let square = k.map(|v| v.floor() as i32);
+            if markers.light(square, k.map(|v| v - v.floor())) == Some(false) {
+                dark = 1.0;
+            }
+        }
+        Some(self.greys[0] + dark * (self.greys[1] - self.greys[0]))
     }
 }
 
-/// Picture number `seed`.
+/// Picture number `seed` of a chessboard.
 pub fn picture(seed: u64) -> Picture {
+    picture_of(seed, BoardPattern::Chessboard)
+}
+
+/// Picture number `seed` of a ChArUco board.
+pub fn charuco_picture(seed: u64) -> Picture {
+    const DICTIONARIES: [&str; 6] = [
+        "DICT_4X4_50",
+        "DICT_4X4_100",
+        "DICT_4X4_250",
+        "DICT_5X5_100",
+        "DICT_6X6_250",
+        "DICT_5X5_50",
+    ];
+    let name = DICTIONARIES[(seed / 15 % 6) as usize];
+    let (_, dictionary) = *Dictionary::ALL.iter().find(|d| d.0 == name).unwrap();
+    // A share of the pitch until the board is known.
+    let marker_m = [0.6, 0.72, 0.75, 0.8][(seed / 7 % 4) as usize];
+    picture_of(
+        seed,
+        BoardPattern::Charuco {
+            dictionary,
+            marker_m,
+        },
+    )
+}
+
+fn picture_of(seed: u64, pattern: BoardPattern) -> Picture {
     let difficulty = DIFFICULTIES[(seed % DIFFICULTIES.len() as u64) as usize];
     let mut rng = StdRng::seed_from_u64(seed ^ 0xb0a4d);
     let mut any = |low: f64, high: f64| rng.random_range(low..high);
@@ -154,9 +225,19 @@ pub fn picture(seed: u64) -> Picture {
         _ => [1280, 960],
     };
     let (columns, rows, pitch_m) = BOARDS[any(0.0, BOARDS.len() as f64) as usize];
+    let pattern = match pattern {
+        BoardPattern::Charuco {
+            dictionary,
+            marker_m,
+        } => BoardPattern::Charuco {
+            dictionary,
+            marker_m: marker_m * pitch_m,
+        },
+        other => other,
+    };
     let board = Board {
         name: "hand".to_owned(),
-        pattern: BoardPattern::Chessboard,
+        pattern,
         columns,
         rows,
         pitch_m,
@@ -354,20 +435,8 @@ fn room(seed: u64, size: [usize; 2]) -> impl Fn(f64, f64) -> f64 {
     }
 }
 
-/// Places in a pixel where its light is taken.
-const SAMPLES: usize = 13;
-
-/// Fibonacci's lattice, shifted from pixel to pixel. A square grid of four by four puts an edge that runs along the
-/// pixels' rows to the nearest quarter of a pixel; of these no two share a row or a column.
-fn spread(pixel: usize) -> impl Iterator<Item = [f64; 2]> {
-    const NEXT: f64 = 8.0;
-    // Powers of the plastic number's inverse: shifts that fill the square evenly.
-    let shift = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|s: f64| s * pixel as f64);
-    (0..SAMPLES).map(move |k| {
-        let k = k as f64 / SAMPLES as f64;
-        [(k + shift[0]).fract(), (NEXT * k + shift[1]).fract()]
-    })
-}
+/// Samples along a pixel's side.
+const SUB: usize = 4;
 
 fn render(shot: &Shot, e: &Effects, seed: u64) -> Vec<f64> {
     let [w, h] = shot.size;
@@ -382,13 +451,15 @@ fn render(shot: &Shot, e: &Effects, seed: u64) -> Vec<f64> {
             let corner = |x: usize, y: usize| rays[(r + y) * (w + 1) + c + x];
             let [a, b, d, f] = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
             let (mut sum, mut beside) = (0.0, None);
-            for [s, t] in spread(r * w + c) {
+            let size_m = shot.size_m([a, b, d]);
+            for k in 0..SUB * SUB {
+                let [s, t] = [k % SUB, k / SUB].map(|k| (k as f64 + 0.5) / SUB as f64);
                 let ray = [0, 1].map(|k| {
                     (a[k] * (1.0 - s) + b[k] * s) * (1.0 - t) + (d[k] * (1.0 - s) + f[k] * s) * t
                 });
                 let at = shot.meet(ray[0], ray[1]);
                 let mut grey = at
-                    .and_then(|at| shot.grey(at))
+                    .and_then(|at| shot.grey(at, size_m.map(|m| m / SUB as f64)))
                     .unwrap_or_else(|| *beside.get_or_insert_with(|| behind(c as f64, r as f64)));
                 if let (Some([off, turn, sigma, peak]), Some(at)) = (e.line, at) {
                     let d = (turn.cos() * at[0] + turn.sin() * at[1] - off) / sigma;
@@ -399,7 +470,7 @@ fn render(shot: &Shot, e: &Effects, seed: u64) -> Vec<f64> {
                 sum += grey;
             }
             let p = [c as f64, r as f64];
-            let mut light = sum / SAMPLES as f64;
+            let mut light = sum / (SUB * SUB) as f64;
             if let Some([x, y, turn, wide, behind]) = e.shadow {
                 let d = (turn.cos() * (p[0] - x) + turn.sin() * (p[1] - y)) / wide;
                 light *= behind + (1.0 - behind) / (1.0 + (-d).exp());
