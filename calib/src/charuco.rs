@@ -66,6 +66,11 @@ impl Markers {
         })
     }
 
+    /// Distance of a marker's bits from its square's rims, in pitches: a gap, and a border of one bit.
+    pub fn first_bit(&self) -> f64 {
+        0.5 * (1.0 - self.share) + self.share / f64::from(self.dictionary.side + 2)
+    }
+
     /// Squares from −1 along ξ and η: up to, and without.
     pub fn extent(&self) -> [i32; 2] {
         [self.columns, self.rows]

@@ -69,10 +69,11 @@ fn run(seeds: impl Iterator<Item = u64>, out: Option<&Path>) -> Totals {
                 totals.square_sum_px2 += squares;
                 write!(
                     line,
-                    "{} found, rms {:.3} px, worst {:.2} px",
+                    "{} found, rms {:.3} px, worst {:.2} px, blur {:.2}",
                     offs.len(),
                     (squares / offs.len() as f64).sqrt(),
-                    offs.iter().copied().fold(0.0, f64::max)
+                    offs.iter().copied().fold(0.0, f64::max),
+                    found.blur_px
                 )
                 .unwrap();
             }

@@ -1,7 +1,7 @@
 //! Markers of a ChArUco board: what the light squares of a lattice show, and which place on the board that is.
 //!
 //! A place is a turn and a shift (and a mirror) of the whole lattice. Every place predicts the bits of every square, and all
-//! of them are asked at once: a square shows its marker, each bit wrong with a small probability, or something that is in
+//! of them are asked at once: a square shows its marker, each bit wrong with some probability, or something that is in
 //! front of it. The place with the posterior probability is the answer, or that there is none. So a marker half under a
 //! hand still speaks with the bits that are seen, and two readings by accident do not outvote thirty.
 
@@ -17,8 +17,9 @@ use super::lattice::Index;
 use super::smooth::Smooth;
 use crate::charuco::{self, Markers};
 
-/// Probability that a bit of a marker in view is read wrongly: noise, a rim, a line over it.
-const WRONG_BIT: f64 = 0.02;
+/// Probabilities that a bit of a marker in view is read wrongly, one of them of all bits in an image, each as likely as the
+/// others: noise and a line over it, or a blur as wide as a bit.
+const WRONG_BIT: [f64; 4] = [0.01, 0.05, 0.12, 0.25];
 /// Probability that a square shows something else than its marker, although light and dark are seen in it.
 const HIDDEN: f64 = 0.1;
 /// Posterior probability that a place may lack of certainty.
@@ -209,13 +210,15 @@ impl Places<'_> {
     fn best(&self) -> Best {
         let bits = self.markers.dictionary.side * self.markers.dictionary.side;
         // Against a square that shows anything: each of its bits light or dark alike.
-        let gain: Vec<f64> = (0..=bits)
-            .map(|wrong| {
-                let right = f64::from(bits - wrong) * (2.0 * (1.0 - WRONG_BIT)).ln();
-                let marker = (right + f64::from(wrong) * (2.0 * WRONG_BIT).ln()).exp();
+        let gain = |wrong: u32| {
+            WRONG_BIT.map(|each| {
+                let right = f64::from(bits - wrong) * (2.0 * (1.0 - each)).ln();
+                let marker = (right + f64::from(wrong) * (2.0 * each).ln()).exp();
                 ((1.0 - HIDDEN) * marker + HIDDEN).ln()
             })
-            .collect();
+        };
+        let gains: Vec<[f64; WRONG_BIT.len()]> = (0..=bits).map(gain).collect();
+        let nothing = [HIDDEN.ln(); WRONG_BIT.len()];
         let mut likelihoods = vec![(0.0, None)];
         for (k, flip) in (0..8).map(|k| (k, k >= 4)) {
             let turns = k % 4;
@@ -223,15 +226,20 @@ impl Places<'_> {
                 .map(|s| ordered(s.middle, turns, flip))
                 .collect();
             for shift in self.shifts(&middles) {
-                let mut sum = 0.0;
+                let mut sums = [0.0; WRONG_BIT.len()];
                 for (middle, square) in middles.iter().zip(self.squares) {
                     let on_board = [0, 1].map(|a| (middle[a] - 1).div_euclid(2) + shift[a]);
-                    sum += match self.markers.bits(on_board) {
-                        Some(word) => gain[(word ^ square.words[k]).count_ones() as usize],
-                        None => HIDDEN.ln(),
+                    let gains = match self.markers.bits(on_board) {
+                        Some(word) => &gains[(word ^ square.words[k]).count_ones() as usize],
+                        None => &nothing,
                     };
+                    for (sum, gain) in sums.iter_mut().zip(gains) {
+                        *sum += gain;
+                    }
                 }
-                likelihoods.push((sum, Some((turns, shift, flip))));
+                let most = sums.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                let mean = sums.iter().map(|s| (s - most).exp()).sum::<f64>() / sums.len() as f64;
+                likelihoods.push((most + mean.ln(), Some((turns, shift, flip))));
             }
         }
         let most = likelihoods.iter().map(|l| l.0).fold(0.0, f64::max);

@@ -58,6 +58,10 @@ pub(super) struct Local {
 
 enum Marks {
     Corner,
+    /// A corner with a marker's dark border in its light squares, this far from both rims in pitches.
+    CornerBeforeMarkers {
+        gap: f64,
+    },
     /// Half widths of the two lines over the blur.
     Lines([f64; 2]),
     /// In pitches.
@@ -72,7 +76,10 @@ impl Local {
         Local {
             table: normal_table(),
             kind: match board.pattern {
-                BoardPattern::Chessboard | BoardPattern::Charuco { .. } => Marks::Corner,
+                BoardPattern::Chessboard => Marks::Corner,
+                BoardPattern::Charuco { marker_m, .. } => Marks::CornerBeforeMarkers {
+                    gap: 0.5 * (1.0 - marker_m / board.pitch_m),
+                },
                 BoardPattern::Lines { line_m } => {
                     let half = 0.5 * line_m / board.pitch_m;
                     Marks::Lines([0, 1].map(|k| half * per[k] / blur_px[k]))
@@ -92,7 +99,7 @@ impl Local {
     #[inline(always)]
     pub fn range(&self) -> [f64; 2] {
         match self.kind {
-            Marks::Corner => [-1.0, 2.0],
+            Marks::Corner | Marks::CornerBeforeMarkers { .. } => [-1.0, 2.0],
             _ => [0.0, 1.0],
         }
     }
@@ -130,14 +137,39 @@ impl Local {
         Some([self.band(a, half[0]).0, self.band(b, half[1]).0])
     }
 
-    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
+    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel; `light`: whether its positive part
+    /// is the light one, which is where markers are.
+    #[inline(always)]
+    pub fn pattern_of(&self, u: f64, v: f64, light: bool) -> (f64, [f64; 2]) {
+        let (mut value, mut gradient) = self.pattern(u, v);
+        if let Marks::CornerBeforeMarkers { gap } = self.kind {
+            let [n1, n2] = self.normals;
+            let sides = if light { 1.0 } else { -1.0 };
+            for side in [1.0, -1.0] {
+                let along = |k: usize, sign: f64, w: f64| {
+                    let scale = self.per[k] * self.per_blur[k];
+                    let (p, dp) = normal(self.table, (sign * w - gap) * scale);
+                    (p, dp * sign * self.per_blur[k])
+                };
+                let (p, dp) = along(0, side, u);
+                let (q, dq) = along(1, side * sides, v);
+                value -= 2.0 * sides * p * q;
+                for (k, g) in gradient.iter_mut().enumerate() {
+                    *g -= 2.0 * sides * (dp * q * n1[k] + dq * p * n2[k]);
+                }
+            }
+        }
+        (value, gradient)
+    }
+
+    /// The same without markers: before it is known which squares are light.
     #[inline(always)]
     pub fn pattern(&self, u: f64, v: f64) -> (f64, [f64; 2]) {
         let [n1, n2] = self.normals;
         let d1 = u * self.per[0] * self.per_blur[0];
         let d2 = v * self.per[1] * self.per_blur[1];
         match self.kind {
-            Marks::Corner => {
+            Marks::Corner | Marks::CornerBeforeMarkers { .. } => {
                 let (a, da) = normal(self.table, d1);
                 let (b, db) = normal(self.table, d2);
                 let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);

@@ -14,6 +14,7 @@ use nalgebra::{Const, Matrix2, Matrix3, SMatrix, SVector};
 use super::image::Grey;
 use super::marks::Local;
 use super::tone::Tone;
+use crate::charuco::Markers;
 use crate::map::geometry::{apply, homography_jacobian};
 
 #[derive(Debug, Clone, Copy)]
@@ -71,8 +72,8 @@ const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
 const PATCH_PX: f64 = 7.0;
 
-/// Distance in blurs from a marker's rim at which hardly any of it is left.
-const CLEAR_OF_MARKER: f64 = 1.5;
+/// Distance in blurs from a marker's bits at which hardly any of them is left.
+const CLEAR_OF_BITS: f64 = 1.5;
 /// A crossing's arms are at least so wide to either side \[px\]: less shows no rim.
 const NARROWEST_PX: f64 = 1.0;
 
@@ -332,7 +333,7 @@ impl Refiner<'_> {
     /// The pattern as the camera shows it, and its gradient.
     #[inline(always)]
     pub fn shown(&self, local: &Local, [u, v]: [f64; 2], contrast: f64) -> (f64, [f64; 2]) {
-        let (value, gradient) = local.pattern(u, v);
+        let (value, gradient) = local.pattern_of(u, v, contrast > 0.0);
         match &self.tone {
             None => (value, gradient),
             Some(tone) => {
@@ -408,7 +409,7 @@ impl Refiner<'_> {
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
                     ((rho - dot_radius) / size).abs() > rim_px
                 };
-                // Where a marker is, or its rim's blur; in all four squares alike, so that what is left of it moves no node.
+                // Where a marker's bits are, or their blur.
                 let far = far || (u.abs().min(v.abs()) > clear);
                 if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
                     pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);
@@ -440,15 +441,14 @@ impl Refiner<'_> {
         })
     }
 
-    /// Half width in pitches of the arms of a corner that no marker reaches; infinite on boards without.
+    /// Half width in pitches of the arms of a corner that no marker's bits reach; infinite on boards without.
     fn clear_of_marker(&self, m: &Matrix2<f64>) -> f64 {
-        let BoardPattern::Charuco { marker_m, .. } = self.board.pattern else {
+        let Some(markers) = Markers::of(self.board) else {
             return f64::INFINITY;
         };
         let per_px = m.row(0).norm().max(m.row(1).norm());
-        let gap = 0.5 * (1.0 - marker_m / self.board.pitch_m);
         let blur_px = self.blur_px[0].max(self.blur_px[1]);
-        (gap - CLEAR_OF_MARKER * blur_px * per_px).max(NARROWEST_PX * per_px)
+        (markers.first_bit() - CLEAR_OF_BITS * blur_px * per_px).max(NARROWEST_PX * per_px)
     }
 
     /// Whether both lines of a crossing are there: each gets an amplitude of its own. A

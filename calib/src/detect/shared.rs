@@ -240,13 +240,13 @@ fn reduced(
             return;
         }
         let (u, v) = (p[2] - shift[0], p[3] - shift[1]);
-        let value = local.pattern(u, v).0;
+        let value = local.pattern_of(u, v, light).0;
         let slopes = [0, 1, 2, 3].map(|k| {
             let [a, b] = if k < 2 {
                 [0, 1].map(|side| curves[k][side].shown(value, range, light).0)
             } else {
                 [0, 1].map(|side| {
-                    here.shown(blurs[k - 2][side].pattern(u, v).0, range, light)
+                    here.shown(blurs[k - 2][side].pattern_of(u, v, light).0, range, light)
                         .0
                 })
             };

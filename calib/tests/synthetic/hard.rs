@@ -70,6 +70,7 @@ struct Effects {
     quality: Option<f64>,
 }
 
+#[derive(Clone)]
 struct Shot {
     size: [usize; 2],
     focal_px: f64,
@@ -279,11 +280,20 @@ fn picture_of(seed: u64, pattern: BoardPattern) -> Picture {
     let effects = effects(difficulty, &shot, &mut any);
     let image = render(&shot, &effects, seed);
     let pixels = expose(image, &shot, &effects, seed);
+    // Whether a person sees a corner is asked of its squares, without what is printed in them.
+    let squares = match shot.board.pattern {
+        BoardPattern::Charuco { .. } => {
+            let mut plain = shot.clone();
+            plain.board.pattern = BoardPattern::Chessboard;
+            expose(render(&plain, &effects, seed), &plain, &effects, seed)
+        }
+        _ => pixels.clone(),
+    };
     let nodes = (0..rows)
         .flat_map(|j| (0..columns).map(move |i| (i, j)))
         .map(|(i, j)| {
             let p = shot.project(shot.node(i, j));
-            (p, visible(&shot, &effects, shot.node(i, j), p, &pixels))
+            (p, visible(&shot, &effects, shot.node(i, j), p, &squares))
         })
         .collect();
     Picture {
