@@ -218,9 +218,9 @@ fn see(image: &Grey<'_>, board: &Board, fewest: usize) -> Option<Seen> {
     let enough = (board.columns * board.rows) as usize * 7 / 10;
     let reductions: &[usize] = match board.pattern {
         BoardPattern::Dots { .. } => &[4, 2, 1],
-        // Markers are a tenth of a square's size and full of corners: in one of these they have vanished, and the squares
-        // have not.
-        BoardPattern::Charuco { .. } => &[4, 2, 8, 1, 16],
+        // Markers' bits are a tenth of a square's size and full of corners: in one of these they have vanished, and the
+        // squares have not.
+        BoardPattern::Charuco { .. } => &[4, 2, 8, 3, 6, 1, 12],
         _ => &[2, 1, 4],
     };
     let mut lattices: Vec<(bool, Coarse)> = Vec::new();
@@ -365,11 +365,28 @@ impl Rest {
 /// The best lattice at one reduction of the image.
 fn coarse(image: &Grey<'_>, board: &Board, reduction: usize, fewest: usize) -> Option<Coarse> {
     let wanted = (board.columns * board.rows) as usize;
-    let plane = Plane::smoothed(image, reduction);
-    let candidates = candidates::find(&plane, board.pattern, 4 * wanted + 200);
-    let field = Field::new(&candidates, &plane, board.pattern, |_| true);
-    // Two rows and columns more than the board has: a larger board shows as such.
-    let lattice = field.grow_best([board.columns + 2, board.rows + 2], wanted * 95 / 100);
+    let mut plane = Plane::smoothed(image, reduction);
+    let most = 4 * wanted + 200;
+    let limits = if let BoardPattern::Charuco { .. } = board.pattern {
+        plane = plane.softer();
+        // Markers have corners as well, but what is left of them after the smoothing is weaker than the squares'.
+        vec![(3 * wanted / 2 + 20).min(most), most]
+    } else {
+        vec![most]
+    };
+    let candidates = candidates::find(&plane, board.pattern, most);
+    let mut lattice = Lattice::default();
+    for limit in limits {
+        let field = Field::new(&candidates, &plane, board.pattern, |n| n < limit);
+        // Two rows and columns more than the board has: a larger board shows as such.
+        let grown = field.grow_best([board.columns + 2, board.rows + 2], wanted * 95 / 100);
+        if grown.nodes.len() > lattice.nodes.len() {
+            lattice = grown;
+        }
+        if lattice.nodes.len() * 2 >= wanted {
+            break;
+        }
+    }
     let [ni, nj] = lattice.extent();
     if lattice.nodes.len() < fewest || ni.min(nj) < 3 {
         return None;

@@ -99,6 +99,8 @@ pub(super) struct Plane {
     pub values: Vec<f32>,
     /// Image pixels per pixel of this plane.
     pub reduction: usize,
+    /// Variance of its smoothing \[px² of this plane\].
+    pub smoothing: usize,
 }
 
 impl Plane {
@@ -131,9 +133,19 @@ impl Plane {
             height,
             values,
             reduction,
+            smoothing: 1,
         };
         plane.blur();
         plane
+    }
+
+    /// The same with a Gaussian of 2 pixels.
+    pub fn softer(mut self) -> Self {
+        while self.smoothing < 4 {
+            self.blur();
+            self.smoothing += 1;
+        }
+        self
     }
 
     /// Separable Gaussian, σ = 1 (7 taps); borders keep their values.
