@@ -198,6 +198,7 @@ impl Seen {
                 nodes: &self.nodes.iter().map(|n| n.0).collect(),
                 light_even: self.light_even,
                 contrast: self.contrast,
+                blur_px: self.blur_px,
             };
             return asked.search(&markers).map(Some);
         }

@@ -26,6 +26,8 @@ const HIDDEN: f64 = 0.1;
 const LACKING: f64 = 1e-6;
 /// A square of less than this share of the pattern's contrast is not read: shade, glare, a hand.
 const LEAST_CONTRAST: f64 = 0.3;
+/// A bit so many blurs wide is read rightly whatever its neighbours are; what narrower ones seem to say accuses no board.
+const NARROWEST_BIT: f64 = 2.5;
 /// So many squares that are read and fit no place are another board's.
 const ANOTHER: usize = 4;
 
@@ -39,6 +41,8 @@ pub(super) struct Asked<'a> {
     pub light_even: bool,
     /// Of the pattern, half of light less dark \[grey levels\].
     pub contrast: f64,
+    /// Point spread, standard deviation \[px\].
+    pub blur_px: f64,
 }
 
 /// Bits of a square: those of its marker for each turn of the lattice, upright and mirrored.
@@ -164,13 +168,26 @@ impl Asked<'_> {
                 flip: false,
             } => Ok(KeySearch::Seen(turns, shift)),
             Best::Place { .. } => Ok(KeySearch::Mirrored),
-            Best::Nowhere if squares.len() >= ANOTHER => Err(NotFound::OtherMarkers {
+            Best::Nowhere if squares.len() >= ANOTHER && self.legible(markers) => Err(NotFound::OtherMarkers {
                 squares: squares.len(),
                 dictionary: markers.dictionary.name(),
                 seen: self.seen_as(markers.share),
             }),
             Best::Nowhere | Best::Open => Ok(KeySearch::Hidden),
         }
+    }
+
+    /// Whether bits of these markers are wide enough to be read.
+    fn legible(&self, markers: &Markers) -> bool {
+        let steps = |&[i, j]: &Index| {
+            let at = |di: f64, dj: f64| self.map.at([f64::from(i) + di, f64::from(j) + dj]);
+            let (p, a, b) = (at(0.0, 0.0)?, at(1.0, 0.0)?, at(0.0, 1.0)?);
+            let pitch = |q: [f64; 2]| (q[0] - p[0]).hypot(q[1] - p[1]);
+            Some(pitch(a).min(pitch(b)))
+        };
+        let narrowest = (self.nodes.iter().filter_map(steps)).fold(f64::INFINITY, f64::min);
+        let bit_px = markers.share * narrowest / f64::from(markers.dictionary.side + 2);
+        bit_px > NARROWEST_BIT * self.blur_px
     }
 
     /// The side of the dictionary of which most squares show a marker, whatever its id.
