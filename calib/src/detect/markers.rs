@@ -168,11 +168,13 @@ impl Asked<'_> {
                 flip: false,
             } => Ok(KeySearch::Seen(turns, shift)),
             Best::Place { .. } => Ok(KeySearch::Mirrored),
-            Best::Nowhere if squares.len() >= ANOTHER && self.legible(markers) => Err(NotFound::OtherMarkers {
-                squares: squares.len(),
-                dictionary: markers.dictionary.name(),
-                seen: self.seen_as(markers.share),
-            }),
+            Best::Nowhere if squares.len() >= ANOTHER && self.legible(markers) => {
+                Err(NotFound::OtherMarkers {
+                    squares: squares.len(),
+                    dictionary: markers.dictionary.name(),
+                    seen: self.seen_as(markers.share),
+                })
+            }
             Best::Nowhere | Best::Open => Ok(KeySearch::Hidden),
         }
     }
@@ -223,10 +225,13 @@ enum Best {
     Open,
 }
 
+/// Logarithms of likelihoods against a square that shows anything, for each probability of a wrong bit.
+type Gains = [f64; WRONG_BIT.len()];
+
 impl Places<'_> {
-    fn best(&self) -> Best {
+    /// By number of wrong bits: each bit of something else is light or dark alike.
+    fn gains(&self) -> Vec<Gains> {
         let bits = self.markers.dictionary.side * self.markers.dictionary.side;
-        // Against a square that shows anything: each of its bits light or dark alike.
         let gain = |wrong: u32| {
             WRONG_BIT.map(|each| {
                 let right = f64::from(bits - wrong) * (2.0 * (1.0 - each)).ln();
@@ -234,48 +239,77 @@ impl Places<'_> {
                 ((1.0 - HIDDEN) * marker + HIDDEN).ln()
             })
         };
-        let gains: Vec<[f64; WRONG_BIT.len()]> = (0..=bits).map(gain).collect();
-        let nothing = [HIDDEN.ln(); WRONG_BIT.len()];
+        (0..=bits).map(gain).collect()
+    }
+
+    /// Of every square, at a place.
+    fn each(
+        &self,
+        gains: &[Gains],
+        orientation: usize,
+        shift: Index,
+    ) -> impl Iterator<Item = Gains> {
+        self.squares.iter().map(move |square| {
+            let middle = ordered(square.middle, orientation % 4, orientation >= 4);
+            let on_board = [0, 1].map(|a| (middle[a] - 1).div_euclid(2) + shift[a]);
+            match self.markers.bits(on_board) {
+                Some(word) => gains[(word ^ square.words[orientation]).count_ones() as usize],
+                None => [HIDDEN.ln(); WRONG_BIT.len()],
+            }
+        })
+    }
+
+    fn sums(&self, gains: &[Gains], orientation: usize, shift: Index) -> Gains {
+        let all = self.each(gains, orientation, shift);
+        all.fold([0.0; WRONG_BIT.len()], |sums, gain| {
+            std::array::from_fn(|k| sums[k] + gain[k])
+        })
+    }
+
+    fn best(&self) -> Best {
+        let gains = self.gains();
         let mut likelihoods = vec![(0.0, None)];
-        for (k, flip) in (0..8).map(|k| (k, k >= 4)) {
-            let turns = k % 4;
-            let middles: Vec<Index> = (self.squares.iter())
-                .map(|s| ordered(s.middle, turns, flip))
-                .collect();
-            for shift in self.shifts(&middles) {
-                let mut sums = [0.0; WRONG_BIT.len()];
-                for (middle, square) in middles.iter().zip(self.squares) {
-                    let on_board = [0, 1].map(|a| (middle[a] - 1).div_euclid(2) + shift[a]);
-                    let gains = match self.markers.bits(on_board) {
-                        Some(word) => &gains[(word ^ square.words[k]).count_ones() as usize],
-                        None => &nothing,
-                    };
-                    for (sum, gain) in sums.iter_mut().zip(gains) {
-                        *sum += gain;
-                    }
-                }
+        for orientation in 0..8 {
+            for shift in self.shifts(orientation) {
+                let sums = self.sums(&gains, orientation, shift);
                 let most = sums.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let mean = sums.iter().map(|s| (s - most).exp()).sum::<f64>() / sums.len() as f64;
-                likelihoods.push((most + mean.ln(), Some((turns, shift, flip))));
+                likelihoods.push((most + mean.ln(), Some((orientation, shift))));
             }
         }
         let most = likelihoods.iter().map(|l| l.0).fold(0.0, f64::max);
         let total: f64 = likelihoods.iter().map(|l| (l.0 - most).exp()).sum();
         let certain = |l: &&(f64, _)| (l.0 - most).exp() > (1.0 - LACKING) * total;
         match likelihoods.iter().find(certain) {
-            Some((_, Some((turns, shift, flip)))) => Best::Place {
-                turns: *turns,
-                shift: *shift,
-                flip: *flip,
-            },
-            Some((_, None)) => Best::Nowhere,
+            Some((_, Some((orientation, shift))))
+                if self.most_show(&gains, *orientation, *shift) =>
+            {
+                Best::Place {
+                    turns: orientation % 4,
+                    shift: *shift,
+                    flip: *orientation >= 4,
+                }
+            }
+            Some(_) => Best::Nowhere,
             None => Best::Open,
         }
     }
 
+    /// Whether most squares show their markers: a board of the same dictionary and another width agrees in two rows.
+    fn most_show(&self, gains: &[Gains], orientation: usize, shift: Index) -> bool {
+        let sums = self.sums(gains, orientation, shift);
+        let likeliest = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b]));
+        let shown = |gain: &Gains| likeliest.is_some_and(|k| gain[k] > 0.0);
+        let count = self.each(gains, orientation, shift).filter(shown).count();
+        2 * count > self.squares.len()
+    }
+
     /// Shifts under which any of the squares lies on the board.
-    fn shifts(&self, middles: &[Index]) -> impl Iterator<Item = Index> {
+    fn shifts(&self, orientation: usize) -> impl Iterator<Item = Index> {
         let board = self.markers.extent();
+        let middles: Vec<Index> = (self.squares.iter())
+            .map(|s| ordered(s.middle, orientation % 4, orientation >= 4))
+            .collect();
         let ranges = [0, 1].map(|a| {
             let of = middles.iter().map(|m| (m[a] - 1).div_euclid(2));
             let (low, high) = (of.clone().min().unwrap_or(0), of.max().unwrap_or(-1));

@@ -287,5 +287,9 @@ fn a_charuco_board_is_drawn_as_it_is_read() {
         }
     }
     assert!(light[0].min(light[1]) * 10 > light[0].max(light[1]) * 4);
-    assert!(sheet.title.contains("7 x 5 squares, DICT_5X5_100 markers of 37 mm"));
+    assert!(
+        sheet
+            .title
+            .contains("7 x 5 squares, DICT_5X5_100 markers of 37 mm")
+    );
 }

@@ -173,7 +173,7 @@ impl Shot {
         let mut dark = 0.5 + 0.5 * sides[0] * sides[1];
         if let Some(markers) = Markers::of(b) {
             // The square at the upper left is dark.
-            if (b.columns + b.rows) % 2 != 0 {
+            if !(b.columns + b.rows).is_multiple_of(2) {
                 dark = 1.0 - dark;
             }
             let k = [(0, b.columns), (1, b.rows)]

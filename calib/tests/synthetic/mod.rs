@@ -6,6 +6,7 @@
 //! blurred, lit, made noisy and quantised ([`finish`]).
 
 #![allow(dead_code, unused_imports)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod clutter;
 pub mod hand;
