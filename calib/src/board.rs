@@ -54,6 +54,8 @@ pub fn key(board: &Board) -> Option<Key> {
     let diameter_m = match board.pattern {
         BoardPattern::Lines { .. } | BoardPattern::Chessboard => 0.4 * board.pitch_m,
         // Clear of the four dots around the cell, and larger than they are.
+        // Its markers say more than a key.
+        BoardPattern::Charuco { .. } => return None,
         BoardPattern::Dots { diameter_m } => (1.3 * board.pitch_m * 0.5_f64.sqrt() - diameter_m)
             .min(0.4 * board.pitch_m)
             .max(0.2 * board.pitch_m),

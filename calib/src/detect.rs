@@ -6,6 +6,7 @@
 //! Boards are dark marks on a light face.
 
 mod candidates;
+mod coarse;
 mod ends;
 mod fine;
 mod identify;
@@ -14,11 +15,13 @@ mod in_hand;
 mod key;
 mod lattice;
 mod line;
+mod markers;
 mod marks;
 mod reason;
 mod refine;
 mod shared;
 mod smooth;
+mod surroundings;
 mod tone;
 
 pub(crate) use ends::part;
@@ -31,12 +34,14 @@ pub use reason::NotFound;
 use hydroline_rigs::{Board, BoardPattern};
 
 use crate::board;
+use crate::charuco::Markers;
 use crate::map::Node;
-use candidates::Candidate;
+use coarse::{Coarse, Rest, coarse};
 use fine::{centre_dots, drop_miscounted, drop_thin_borders, fine};
 use identify::{Ordered, place};
 use image::Plane;
-use lattice::{Field, Index, Lattice};
+use key::KeySearch;
+use lattice::{Field, Index};
 use refine::Refined;
 use smooth::{drop_strays, fill};
 
@@ -136,7 +141,8 @@ pub fn detect_quick(image: &Grey<'_>, board: &Board) -> Result<Detection, NotFou
             second,
         });
     }
-    let (orientation, turns, shift) = place(image, board, &seen.ordered, seen.contrast)?;
+    let key = seen.key(image, board)?;
+    let (orientation, turns, shift) = place(image, board, &seen.ordered, seen.contrast, key)?;
     let mut kept: Vec<BoardNode> = Vec::with_capacity(wanted);
     for (index, r) in &seen.nodes {
         let [i, j] = identify::turn_index(*index, turns);
@@ -178,7 +184,30 @@ struct Seen {
     blur_px: f64,
     noise: f64,
     contrast: f64,
+    /// Whether the squares with an even sum of indices are light; of a chessboard.
+    light_even: bool,
     gamma: Option<f64>,
+}
+
+impl Seen {
+    /// What the board's key or its markers say; `None` of a board that has neither.
+    fn key(&self, image: &Grey<'_>, board: &Board) -> Result<Option<KeySearch>, NotFound> {
+        if let Some(markers) = Markers::of(board) {
+            let (map, _) = smooth::Smooth::fit(&self.nodes).ok_or(NotFound::NoBoard)?;
+            let asked = markers::Asked {
+                image,
+                map: &map,
+                nodes: &self.nodes.iter().map(|n| n.0).collect(),
+                light_even: self.light_even,
+                contrast: self.contrast,
+                blur_px: self.blur_px,
+            };
+            return asked.search(&markers).map(Some);
+        }
+        let h = self.ordered.homography().ok_or(NotFound::NoBoard)?;
+        let key = board::key(board);
+        Ok(key.map(|key| (self.ordered).find_key(image, board, &key, &h, self.contrast)))
+    }
 }
 
 /// The board's pattern in upright order; `None` where no lattice is consistent.
@@ -190,14 +219,17 @@ struct Seen {
 fn see(image: &Grey<'_>, board: &Board, fewest: usize) -> Option<Seen> {
     let wanted = [board.columns, board.rows];
     let enough = (board.columns * board.rows) as usize * 7 / 10;
-    let reductions = match board.pattern {
-        BoardPattern::Dots { .. } => [4, 2, 1],
-        _ => [2, 1, 4],
+    let reductions: &[usize] = match board.pattern {
+        BoardPattern::Dots { .. } => &[4, 2, 1],
+        // Markers' bits are a tenth of a square's size and full of corners: in one of these they have vanished, and the
+        // squares have not.
+        BoardPattern::Charuco { .. } => &[4, 2, 8, 3, 6, 1, 12],
+        _ => &[2, 1, 4],
     };
     let mut lattices: Vec<(bool, Coarse)> = Vec::new();
     let mut best: Option<Seen> = None;
-    for (tried, reduction) in reductions.into_iter().enumerate() {
-        if let Some(found) = coarse(image, board, reduction, fewest) {
+    for (tried, reduction) in reductions.iter().enumerate() {
+        if let Some(found) = coarse(image, board, *reduction, fewest) {
             let [ni, nj] = found.0.extent();
             let whole = [ni, nj] == wanted || [nj, ni] == wanted;
             lattices.push((whole && found.0.nodes.len() >= enough, found));
@@ -226,9 +258,6 @@ fn see(image: &Grey<'_>, board: &Board, fewest: usize) -> Option<Seen> {
     best
 }
 
-/// Lattice in one size of the image, all candidates there, and those that it did not use.
-type Coarse = (Lattice, Vec<Candidate>, Rest);
-
 fn see_in(
     image: &Grey<'_>,
     board: &Board,
@@ -239,6 +268,7 @@ fn see_in(
     if matches!(board.pattern, BoardPattern::Dots { .. }) {
         centre_dots(image, board, &mut ordered);
     }
+    markers::sharpen(image, board, rest.plane.reduction, &mut ordered);
     let (mut nodes, refiner) = fine(image, board, &ordered)?;
     let median = |mut values: Vec<f64>| -> f64 {
         values.sort_by(f64::total_cmp);
@@ -246,7 +276,7 @@ fn see_in(
     };
     // Corners of a chessboard alternate; lines and dots are dark. What differs is none.
     let signed = |(index, r): &(Index, Refined)| match board.pattern {
-        BoardPattern::Chessboard if (index[0] + index[1]) % 2 != 0 => -r.contrast,
+        pattern if pattern.is_chess() && (index[0] + index[1]) % 2 != 0 => -r.contrast,
         _ => r.contrast,
     };
     let contrast = median(nodes.iter().map(signed).collect());
@@ -263,8 +293,13 @@ fn see_in(
     drop_miscounted(&mut nodes);
     let before = nodes.len();
     let map = drop_strays(&mut nodes)?;
+    // Markers' corners get into a lattice on their side of the board; the markers say later whether the rest is one.
+    let least_share = match board.pattern {
+        BoardPattern::Charuco { .. } => 3,
+        _ => 5,
+    };
     let sound = nodes.len() >= fewest
-        && nodes.len() * 10 >= ordered.nodes.len() * 5
+        && nodes.len() * 10 >= ordered.nodes.len() * least_share
         && nodes.len() * 10 >= before * 8
         && contrast.abs() > 8.0;
     if !sound {
@@ -282,9 +317,10 @@ fn see_in(
         ordered,
         nodes,
         rest,
-        blur_px: refiner.blur_px,
+        blur_px: refiner.blur_px[0].hypot(refiner.blur_px[1]) / std::f64::consts::SQRT_2,
         noise,
         contrast: contrast.abs(),
+        light_even: (contrast > 0.0) == ((low[0] + low[1]) % 2 == 0),
         gamma: refiner.tone.as_ref().map(|t| t.gamma),
     })
 }
@@ -292,75 +328,6 @@ fn see_in(
 /// Fewest nodes that count as a board: three in ten, and enough to be no accident.
 pub(super) fn fewest(board: &Board) -> usize {
     ((board.columns * board.rows) as usize * 3 / 10).max(12)
-}
-
-/// Candidates that the lattice did not use, for the search of a second board.
-struct Rest {
-    plane: Plane,
-    candidates: Vec<Candidate>,
-    used: Vec<bool>,
-    weakest: f32,
-}
-
-impl Rest {
-    /// Nodes of a second board, if there is one: a lattice of what the first did not use that holds under
-    /// the pattern's fit, and that is no part of the first behind something that divides it.
-    fn second(&self, image: &Grey<'_>, board: &Board, first: &Seen) -> Option<usize> {
-        let field = Field::new(&self.candidates, &self.plane, board.pattern, |n| {
-            !self.used[n] && self.candidates[n].strength > self.weakest
-        });
-        let wanted = (board.columns * board.rows) as usize;
-        let second = field.grow_best([board.columns, board.rows], wanted);
-        let [ni, nj] = second.extent();
-        let fewest = fewest(board).max(16);
-        if second.nodes.len() < fewest || ni.min(nj) < 4 {
-            return None;
-        }
-        let (nodes, _) = fine(image, board, &Ordered::upright(&second, &self.candidates))?;
-        let first_h = first.ordered.homography()?;
-        let contrast = 0.5 * first.contrast;
-        let sound = nodes
-            .iter()
-            .filter(|(_, r)| r.is_pattern() && r.contrast.abs() > contrast);
-        let sound: Vec<[f64; 2]> = sound.map(|(_, r)| r.position).collect();
-        let same = sound
-            .iter()
-            .filter(|p| identify::on_lattice(&first_h, **p))
-            .count();
-        (sound.len() >= fewest && same * 2 < sound.len()).then_some(sound.len())
-    }
-}
-
-/// The best lattice at one reduction of the image.
-fn coarse(image: &Grey<'_>, board: &Board, reduction: usize, fewest: usize) -> Option<Coarse> {
-    let wanted = (board.columns * board.rows) as usize;
-    let plane = Plane::smoothed(image, reduction);
-    let candidates = candidates::find(&plane, board.pattern, 4 * wanted + 200);
-    let field = Field::new(&candidates, &plane, board.pattern, |_| true);
-    // Two rows and columns more than the board has: a larger board shows as such.
-    let lattice = field.grow_best([board.columns + 2, board.rows + 2], wanted * 95 / 100);
-    let [ni, nj] = lattice.extent();
-    if lattice.nodes.len() < fewest || ni.min(nj) < 3 {
-        return None;
-    }
-    // Candidates inside the lattice (key discs, squares) are part of it.
-    let hull = crate::map::Region::hull(lattice.nodes.values().map(|&n| candidates[n].position));
-    let mut used: Vec<bool> = candidates
-        .iter()
-        .map(|c| hull.contains(c.position[0], c.position[1]))
-        .collect();
-    let mut weakest = f32::INFINITY;
-    for &n in lattice.nodes.values() {
-        used[n] = true;
-        weakest = weakest.min(candidates[n].strength);
-    }
-    let rest = Rest {
-        plane,
-        candidates: candidates.clone(),
-        used,
-        weakest: 0.5 * weakest,
-    };
-    Some((lattice, candidates, rest))
 }
 
 /// Columns and rows of another pattern, if that is seen; for the reasons only.

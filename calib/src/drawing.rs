@@ -13,6 +13,7 @@ pub mod tile;
 use hydroline_rigs::{Board, BoardPattern, SlabOutline, Target};
 
 use crate::board;
+use crate::charuco::{Markers, square_is_dark};
 
 /// Layer of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -108,6 +109,36 @@ impl Sheet {
         ));
     }
 
+    /// Marker of the square whose lower left corner is `corner`: dark, with its light bits, neighbours in a row as one.
+    fn marker(&mut self, markers: &Markers, square: [i32; 2], corner: [f64; 2], pitch_mm: f64) {
+        let Some(bits) = markers.bits(square) else {
+            return;
+        };
+        let side = markers.dictionary.side;
+        let size = markers.share * pitch_mm;
+        let cell = size / f64::from(side + 2);
+        let [left, low] = corner.map(|v| v + 0.5 * (pitch_mm - size));
+        self.rectangle(Layer::Mark, [left, low], [left + size, low + size]);
+        let light = |row: u32, column: u32| {
+            column < side && bits >> (side * side - 1 - row * side - column) & 1 == 1
+        };
+        for row in 0..side {
+            let y = low + f64::from(side - row) * cell;
+            let mut from = None;
+            for column in 0..=side {
+                match (light(row, column), from) {
+                    (true, None) => from = Some(column),
+                    (false, Some(first)) => {
+                        let x = [first, column].map(|c| left + f64::from(c + 1) * cell);
+                        self.rectangle(Layer::Light, [x[0], y], [x[1], y + cell]);
+                        from = None;
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
     /// Dimension along x at height y, ends marked, the length in mm written over it.
     fn across(&mut self, from: f64, to: f64, y: f64) {
         self.note_line([from, y], [to, y]);
@@ -146,6 +177,16 @@ pub fn board_sheet(b: &Board) -> Sheet {
             format!("dots {} mm in diameter", number(1e3 * diameter_m))
         }
         BoardPattern::Chessboard => "chessboard".to_owned(),
+        BoardPattern::Charuco {
+            dictionary,
+            marker_m,
+        } => format!(
+            "ChArUco, {} x {} squares, {} markers of {} mm",
+            b.columns + 1,
+            b.rows + 1,
+            dictionary.name(),
+            number(1e3 * marker_m)
+        ),
     };
     let mut sheet = Sheet::new(
         format!(
@@ -193,16 +234,20 @@ pub fn board_sheet(b: &Board) -> Sheet {
                 }
             }
         }
-        BoardPattern::Chessboard => {
+        BoardPattern::Chessboard | BoardPattern::Charuco { .. } => {
+            let [x, y] = place(board::node_m(b, 0, 0));
+            let p = 1e3 * b.pitch_m;
+            let markers = Markers::of(b);
             // Square (i, j) has node (i, j) at its lowest corner; −1 is the outer row.
-            for j in -1..=last[1] as i64 {
-                for i in -1..=last[0] as i64 {
-                    if (i + j).rem_euclid(2) != 0 {
+            for j in -1..=last[1] as i32 {
+                for i in -1..=last[0] as i32 {
+                    let (right, low) = (x - f64::from(i) * p, y + f64::from(j) * p);
+                    if !square_is_dark(b, [i, j]) {
+                        if let Some(markers) = &markers {
+                            sheet.marker(markers, [i, j], [right - p, low], p);
+                        }
                         continue;
                     }
-                    let [x, y] = place(board::node_m(b, 0, 0));
-                    let p = 1e3 * b.pitch_m;
-                    let (right, low) = (x - i as f64 * p, y + j as f64 * p);
                     // The outer squares end with the plate.
                     let a = [(right - p).max(cx - half[0]), low.max(cy - half[1])];
                     let c = [right.min(cx + half[0]), (low + p).min(cy + half[1])];

@@ -30,6 +30,7 @@ pub mod analytic;
 pub mod board;
 pub mod calibration;
 pub mod camera;
+pub mod charuco;
 pub mod detect;
 pub mod drawing;
 pub mod flat;

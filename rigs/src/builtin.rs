@@ -36,6 +36,7 @@ pub(crate) fn files(kind: &str) -> &'static [(&'static str, &'static str)] {
             ("wc-lines-50", include_str!("../boards/wc-lines-50.toml")),
             ("dots-50", include_str!("../boards/dots-50.toml")),
             ("chess-25", include_str!("../boards/chess-25.toml")),
+            ("charuco-25", include_str!("../boards/charuco-25.toml")),
         ],
         _ => &[],
     }

@@ -64,7 +64,7 @@ pub use plan::{Plan, PlanStep, Shape, StepLoad, Wrench};
 pub use response::StatedResponse;
 pub use rig::Rig;
 pub use settings::{Limits, LogSettings, Tank, Tolerance};
-pub use target::{Board, BoardPattern, GaugeBlock, Slab, SlabOutline, Target};
+pub use target::{Board, BoardPattern, Dictionary, GaugeBlock, Slab, SlabOutline, Target};
 pub use thruster::{
     BollardPull, Link, LinkKind, LinkPort, Mavlink, RecordOn, ThrustCurve, Thruster, ThrusterSet,
 };

@@ -1,10 +1,12 @@
 //! Target on the tank floor, and calibration board in the laser sheet.
 
 mod board;
+mod dictionary;
 mod polygon;
 
 pub(crate) use board::NoPlace;
 pub use board::{Board, BoardPattern, GaugeBlock};
+pub use dictionary::Dictionary;
 
 use crate::raw::{Kind, Quantity, Section, angle, keys_of, name, number, numbers, tables, whole};
 use polygon::corners;

@@ -8,7 +8,7 @@ use hydroline_rigs::Board;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Built in: wc-lines-50 (Wang and Cheng's grid lines), dots-50, chess-25 (to print). The drawing is at true scale: \
+Built in: wc-lines-50 (Wang and Cheng's grid lines), dots-50, chess-25 and charuco-25 (to print). The drawing is at true scale: \
 measure its 100 mm line before the board is trusted. Larger than a page, it goes with --tile onto several: print them \
 at 100 %, cut at the marks, and put them together on a flat plate. Layers: CUT the outline, MARK what is dark, LIGHT what stays \
 light inside a mark, BLOCK the gauge blocks with their height, NOTE dimensions.
@@ -16,6 +16,7 @@ light inside a mark, BLOCK the gauge blocks with their height, NOTE dimensions.
 Examples:
   hydroline board dots-50 --out dots-50.svg
   hydroline board dots-50 --tile a4 --out dots-50.pdf
+  hydroline board charuco-25 --tile a4 --out charuco-25.pdf
   hydroline board my-board.toml --out my-board.dxf")]
 pub struct Args {
     /// Board file or built-in name

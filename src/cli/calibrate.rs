@@ -33,7 +33,7 @@ Methods: homography (lens and perspective; the default), refractive (flat port b
 Wang-Cheng maps graticule, bilinear, affine, and rectified-graticule; `hydroline reproduce calibration` compares them.
 
 With --free the board is held in the hand instead, 15 times or so, near and far and tilted to all sides, so that the laser line \
-crosses it: plain chessboards of any size, whole or in part. Camera, port (in water, or where one is named), board poses and \
+crosses it: chessboards and ChArUco boards (OpenCV's dictionaries) of any size, whole or in part. Camera, port (in water, or where one is named), board poses and \
 laser sheet are fitted together; images that do not fit are named and left out.
 
 An accepted one is remembered, too ($XDG_DATA_HOME/hydroline/calibrations): `record` uses the latest for its camera, \
@@ -45,6 +45,7 @@ Examples:
   hydroline calibrate calib.mcap --board dots-50 --out calib.toml --against last-week.toml
   hydroline calibrate boards/ --board dots-50 --channel green --out calib.toml
   hydroline calibrate --free hand/ --board chess-25 --out desk.toml
+  hydroline calibrate --free hand/ --board charuco-25 --out desk.toml
   hydroline calibrate logs/ --board dots-50 --out calib.toml --update    # all logs below
 
 A folder of images stands for them, one without images for all logs in it and below it. A file of several that cannot be used \
@@ -175,7 +176,7 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
     let (rig, medium) = circumstances(args, &sources)?;
     let Some(board) = named.or_else(|| rig.as_ref().and_then(|r| r.board.clone())) else {
         return Err(CliError::Config(
-            "no board: give --board (dots-50, wc-lines-50, chess-25 or a file), or --rig with a [board]"
+            "no board: give --board (dots-50, wc-lines-50, chess-25, charuco-25 or a file), or --rig with a [board]"
                 .to_owned(),
         ));
     };

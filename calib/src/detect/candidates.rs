@@ -25,7 +25,7 @@ pub(super) fn find(plane: &Plane, pattern: BoardPattern, limit: usize) -> Vec<Ca
     if w <= 2 * BORDER + 2 || h <= 2 * BORDER + 2 {
         return Vec::new();
     }
-    let saddle = matches!(pattern, BoardPattern::Chessboard);
+    let saddle = pattern.is_chess();
     let sign = if saddle { -1.0f32 } else { 1.0 };
     let mut response = vec![0.0f32; w * h];
     for r in BORDER..h - BORDER {
@@ -53,8 +53,10 @@ pub(super) fn find(plane: &Plane, pattern: BoardPattern, limit: usize) -> Vec<Ca
             *out = if shaped { det } else { 0.0 };
         }
     }
-    // Noise of 2 grey levels leaves about 1 (full size) to 0.1 (halved) here.
-    let floor = 4.0 / (plane.reduction * plane.reduction) as f32 + 2.0;
+    // Noise of 2 grey levels leaves about 1 (full size) to 0.1 (halved) here; second derivatives of smoothed noise fall with
+    // the smoothing's third power.
+    let floor = (4.0 / (plane.reduction * plane.reduction) as f32 + 2.0)
+        / (plane.smoothing * plane.smoothing * plane.smoothing) as f32;
     let mut found = Vec::new();
     for r in BORDER..h - BORDER {
         for c in BORDER..w - BORDER {

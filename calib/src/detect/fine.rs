@@ -50,7 +50,7 @@ fn refiner<'a>(image: &'a Grey<'a>, board: &'a Board, ordered: &Ordered) -> Opti
         board,
         to_image,
         to_index,
-        blur_px: 1.0,
+        blur_px: [1.0; 2],
         tone: None,
     })
 }
@@ -76,7 +76,7 @@ pub(super) fn fine<'a>(
     let stride = (indices.len() / 6).max(1);
     let sample: Vec<Index> = indices.iter().copied().step_by(stride).collect();
     let misfit = |refiner: &mut Refiner<'_>, blur_px: f64| {
-        refiner.blur_px = blur_px;
+        refiner.blur_px = [blur_px; 2];
         let fits: Vec<Option<Refined>> = sample
             .iter()
             .map(|&k| run(refiner, k, ordered.nodes[&k]))
@@ -128,7 +128,7 @@ pub(super) fn fine<'a>(
             break;
         }
     }
-    refiner.blur_px = trials[k];
+    let mut blur_px = trials[k];
     let tried = |k: usize| scores.get(k).copied().flatten();
     if k > 0
         && let (Some(a), Some(b), Some(c)) = (tried(k - 1), tried(k), tried(k + 1))
@@ -137,13 +137,14 @@ pub(super) fn fine<'a>(
         let curvature = a - 2.0 * b + c;
         if curvature > 0.0 {
             let t = (0.5 * (a - c) / curvature).clamp(-0.5, 0.5);
-            refiner.blur_px = trials[k] * 1.37f64.powf(t);
+            blur_px = trials[k] * 1.37f64.powf(t);
         }
     }
+    refiner.blur_px = [blur_px; 2];
     let places: Vec<Place> = (sample.iter())
         .filter_map(|&k| Some((k, ordered.nodes[&k], ordered.steps(k, &to_image)?)))
         .collect();
-    let known = shared::curve(&mut refiner, &places);
+    let known = shared::settle(&mut refiner, &places);
     let sound = known.values().flatten().filter(|r| r.is_pattern()).count();
     most_sound = most_sound.max(sound);
     // Half of a board's nodes must hold in the end: where hardly any of the sample does, the

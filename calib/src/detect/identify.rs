@@ -106,12 +106,13 @@ impl Ordered {
     }
 }
 
-/// Quarter turns and shift that bring upright indices to those on the board.
+/// Quarter turns and shift that bring upright indices to those on the board; `key`: what its key or its markers say.
 pub(super) fn place(
     image: &Grey<'_>,
     board: &Board,
     ordered: &Ordered,
     contrast: f64,
+    key: Option<KeySearch>,
 ) -> Result<(Orientation, usize, Index), NotFound> {
     let seen = ordered.extent();
     let wanted = [board.columns, board.rows];
@@ -128,8 +129,7 @@ pub(super) fn place(
         wanted,
         pattern: None,
     };
-    let key = crate::board::key(board);
-    let without = match key.map(|k| ordered.find_key(image, board, &k, &h, contrast)) {
+    let without = match key {
         Some(KeySearch::Seen(turns, shift)) => {
             // A hand may hide a row or two, or half of the board; a board that ends three early both ways,
             // with its edges, is smaller.

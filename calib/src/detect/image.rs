@@ -51,6 +51,46 @@ impl<'a> Grey<'a> {
     }
 }
 
+/// An image of its own.
+#[derive(Debug, Clone)]
+pub(super) struct Halved {
+    pub width: usize,
+    pub height: usize,
+    pixels: Vec<u8>,
+}
+
+impl Halved {
+    pub fn grey(&self) -> Grey<'_> {
+        Grey {
+            width: self.width,
+            height: self.height,
+            pixels: &self.pixels,
+        }
+    }
+}
+
+impl Grey<'_> {
+    /// Means over blocks of 2 × 2; an odd last column or row is left out.
+    pub(super) fn halved(&self) -> Halved {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut pixels = Vec::with_capacity(width * height);
+        for r in 0..height {
+            let line = |k: usize| &self.pixels[(2 * r + k) * self.width..][..2 * width];
+            let blocks = line(0).chunks_exact(2).zip(line(1).chunks_exact(2));
+            pixels.extend(blocks.map(|(a, b)| {
+                let sum: u16 = a.iter().chain(b).map(|v| u16::from(*v)).sum();
+                // Halves up and down in turn: up alone would make it lighter.
+                ((sum + 1 + (sum >> 2 & 1)) / 4) as u8
+            }));
+        }
+        Halved {
+            width,
+            height,
+            pixels,
+        }
+    }
+}
+
 /// A float plane at some reduction of the image.
 #[derive(Debug, Clone)]
 pub(super) struct Plane {
@@ -59,6 +99,8 @@ pub(super) struct Plane {
     pub values: Vec<f32>,
     /// Image pixels per pixel of this plane.
     pub reduction: usize,
+    /// Variance of its smoothing \[px² of this plane\].
+    pub smoothing: usize,
 }
 
 impl Plane {
@@ -91,9 +133,19 @@ impl Plane {
             height,
             values,
             reduction,
+            smoothing: 1,
         };
         plane.blur();
         plane
+    }
+
+    /// The same with a Gaussian of 2 pixels.
+    pub fn softer(mut self) -> Self {
+        while self.smoothing < 4 {
+            self.blur();
+            self.smoothing += 1;
+        }
+        self
     }
 
     /// Separable Gaussian, σ = 1 (7 taps); borders keep their values.

@@ -32,12 +32,14 @@ pub struct InHand {
     pub nodes: Vec<LatticeNode>,
     /// Whether key or markers say which node is which, and that the image is not mirrored.
     pub identified: bool,
-    /// Point spread, standard deviation \[px\], pixel size included.
+    /// Point spread, standard deviation \[px\], pixel size included; of a moved board the root mean square of both directions'.
     pub blur_px: f64,
     /// Median of what the fits left \[grey levels\].
     pub noise: f64,
     /// Median contrast of the pattern \[grey levels\].
     pub contrast: f64,
+    /// Whether the squares with an even sum of the lattice's own indices are light.
+    pub(super) light_even: bool,
     /// Nodes along the lattice's own two directions.
     pub(super) lattice: [u32; 2],
     /// The lattice's own coordinates, from 0, to the image.
@@ -49,15 +51,58 @@ const FEWEST: usize = 12;
 /// And this share of the board: a smaller lattice among the texture of a room is an accident.
 const FEWEST_SHARE: f64 = 0.12;
 
+/// Smallest side of an image that is still halved \[px\]: a board of 12 nodes fills 100.
+const SMALLEST_PX: usize = 200;
+
 /// Finds a board in the hand, or the part of it that is seen.
+///
+/// Where the full image shows none, or a blurred one, it is halved and looked at again: blur and squares that are too
+/// large for the one are what the other is made for. Covariances say what that costs.
 ///
 /// # Errors
 /// [`NotFound`] says why there is none; a second look for the reason takes several times as long.
 pub fn detect_in_hand(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFound> {
     reason::refuse_empty(image)?;
+    let first = match in_size(image, board) {
+        Err(why @ (NotFound::NoBoard | NotFound::Blurred { .. })) => why,
+        answer => return answer,
+    };
+    let mut halved = image.halved();
+    let mut times = 2.0;
+    while halved.width.min(halved.height) >= SMALLEST_PX {
+        match in_size(&halved.grey(), board) {
+            Err(NotFound::NoBoard | NotFound::Blurred { .. }) => {}
+            answer => return answer.map(|found| found.enlarged(times)),
+        }
+        halved = halved.grey().halved();
+        times *= 2.0;
+    }
+    Err(match first {
+        NotFound::NoBoard => reason::explain(image, board),
+        why => why,
+    })
+}
+
+impl InHand {
+    /// The same in an image so many times larger.
+    fn enlarged(mut self, times: f64) -> Self {
+        for node in &mut self.nodes {
+            node.pixel = node.pixel.map(|p| (p + 0.5) * times - 0.5);
+            node.covariance_px2 *= times * times;
+        }
+        self.blur_px *= times;
+        // A mean over pixels scatters less than they do.
+        self.noise *= times;
+        self.smooth = self.smooth.map(|s| s.enlarged(times));
+        self
+    }
+}
+
+/// Finds the board in an image as it is.
+fn in_size(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFound> {
     let share = FEWEST_SHARE * f64::from(board.columns * board.rows);
     let Some(seen) = see(image, board, FEWEST.max(share as usize)) else {
-        return Err(reason::explain(image, board));
+        return Err(NotFound::NoBoard);
     };
     if seen.blur_px >= WORST_BLUR_PX {
         return Err(NotFound::Blurred {
@@ -74,10 +119,7 @@ pub fn detect_in_hand(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFoun
             pattern: None,
         });
     }
-    let h = seen.ordered.homography().ok_or(NotFound::NoBoard)?;
-    let found = crate::board::key(board)
-        .map(|key| (seen.ordered).find_key(image, board, &key, &h, seen.contrast));
-    let (identified, turns, shift) = match found {
+    let (identified, turns, shift) = match seen.key(image, board)? {
         Some(KeySearch::Seen(turns, shift)) => (true, turns, shift),
         Some(KeySearch::Mirrored) => return Err(NotFound::Mirrored { aside: false }),
         // On its side is no fault of a board in the hand.
@@ -89,7 +131,14 @@ pub fn detect_in_hand(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFoun
         let [i, j] = turn_index(index, turns);
         [i + shift[0], j + shift[1]]
     };
+    let on_board = |k: Index| {
+        [0, 1]
+            .iter()
+            .all(|&a| (0..wanted[a] as i32).contains(&k[a]))
+            || !identified
+    };
     let mut nodes: Vec<LatticeNode> = (seen.nodes.iter())
+        .filter(|(index, _)| on_board(place(*index)))
         .map(|(index, r)| LatticeNode {
             index: place(*index),
             pixel: r.position,
@@ -104,6 +153,7 @@ pub fn detect_in_hand(image: &Grey<'_>, board: &Board) -> Result<InHand, NotFoun
         noise: seen.noise,
         contrast: seen.contrast,
         lattice: extent,
+        light_even: seen.light_even,
         smooth: Smooth::fit(&seen.nodes).map(|(map, _)| map),
     })
 }

@@ -198,7 +198,7 @@ impl<'a> Field<'a> {
         found
     }
 
-    fn nearest(&self, at: [f64; 2], radius: f64) -> Option<usize> {
+    pub fn nearest(&self, at: [f64; 2], radius: f64) -> Option<usize> {
         let mut best = (radius * radius, None);
         for bucket in self.around(at, radius) {
             for &n in bucket {
@@ -216,7 +216,7 @@ impl<'a> Field<'a> {
         let (a, b) = (&self.candidates[from], &self.candidates[to]);
         match self.pattern {
             // The mixed derivative along the lattice changes sign from corner to corner.
-            BoardPattern::Chessboard => {
+            BoardPattern::Chessboard | BoardPattern::Charuco { .. } => {
                 // Where the border of the outer squares meets what is behind the board is a
                 // corner too, of half the height and a quarter of the strength.
                 mixed(a, along, across) * mixed(b, along, across) < 0.0
@@ -445,7 +445,7 @@ impl<'a> Field<'a> {
                 let fullest = counts.iter().copied().max().unwrap_or(0);
                 for (end, inner) in [(low, low + 1), (high, high - 1)] {
                     let few = counts[(end - low) as usize] * 10 < fullest * 3;
-                    let faint = matches!(self.pattern, BoardPattern::Chessboard)
+                    let faint = self.pattern.is_chess()
                         && self.median(nodes, axis, end) < 0.45 * self.median(nodes, axis, inner);
                     if few || faint {
                         nodes.retain(|n| n.index[axis] != end);
@@ -474,7 +474,7 @@ impl<'a> Field<'a> {
         let (a, b) = (&self.candidates[from], &self.candidates[to]);
         let alike = ratio(a.strength, b.strength) < 4.0;
         match self.pattern {
-            BoardPattern::Chessboard => {
+            BoardPattern::Chessboard | BoardPattern::Charuco { .. } => {
                 alike && mixed(a, along, across) * mixed(b, along, across) > 0.0
             }
             // The line still leaves the one node and reaches the other.

@@ -45,6 +45,8 @@ const FEWEST: usize = 8;
 pub(super) struct Chart<'a> {
     map: &'a Smooth,
     board: &'a Board,
+    /// Whether the squares with an even sum of indices are light; of a chessboard.
+    light_even: bool,
     /// Lowest and highest lattice coordinate looked at.
     pub low: [f64; 2],
     pub high: [f64; 2],
@@ -84,7 +86,17 @@ impl Chart<'_> {
                 let half = 0.5 * line_m / self.board.pitch_m;
                 (0..2).all(|a| off[a] > half + self.margin[a])
             }
-            _ => (0..2).all(|a| off[a] > self.margin[a]),
+            BoardPattern::Chessboard => (0..2).all(|a| off[a] > self.margin[a]),
+            // Markers fill the light squares.
+            BoardPattern::Charuco { .. } => {
+                let even = k
+                    .map(|v| v.floor() as i64)
+                    .iter()
+                    .sum::<i64>()
+                    .rem_euclid(2)
+                    == 0;
+                even != self.light_even && (0..2).all(|a| off[a] > self.margin[a])
+            }
         }
     }
 }
@@ -117,6 +129,7 @@ fn chart<'a>(board: &'a Board, found: &'a InHand) -> Option<Chart<'a>> {
     let top = found.lattice.map(|n| f64::from(n) - 1.0);
     let mut chart = Chart {
         map,
+        light_even: found.light_even,
         board,
         low: [-beyond; 2],
         high: top.map(|t| t + beyond),

@@ -52,12 +52,16 @@ pub(super) struct Local {
     per: [f64; 2],
     /// The rows of `m`, of length 1.
     normals: [[f64; 2]; 2],
-    /// 1 / blur \[1/px\].
-    per_blur: f64,
+    /// 1 / blur across the lattice's two families of rims \[1/px\].
+    per_blur: [f64; 2],
 }
 
 enum Marks {
     Corner,
+    /// A corner with a marker's dark border in its light squares, this far from both rims in pitches.
+    CornerBeforeMarkers {
+        gap: f64,
+    },
     /// Half widths of the two lines over the blur.
     Lines([f64; 2]),
     /// In pitches.
@@ -67,14 +71,18 @@ enum Marks {
 }
 
 impl Local {
-    pub fn new(board: &Board, m: &Matrix2<f64>, blur_px: f64) -> Self {
+    pub fn new(board: &Board, m: &Matrix2<f64>, blur_px: [f64; 2]) -> Self {
         let per = [0, 1].map(|k| 1.0 / m.row(k).norm());
         Local {
             table: normal_table(),
             kind: match board.pattern {
                 BoardPattern::Chessboard => Marks::Corner,
+                BoardPattern::Charuco { marker_m, .. } => Marks::CornerBeforeMarkers {
+                    gap: 0.5 * (1.0 - marker_m / board.pitch_m),
+                },
                 BoardPattern::Lines { line_m } => {
-                    Marks::Lines(per.map(|p| 0.5 * line_m / board.pitch_m * p / blur_px))
+                    let half = 0.5 * line_m / board.pitch_m;
+                    Marks::Lines([0, 1].map(|k| half * per[k] / blur_px[k]))
                 }
                 BoardPattern::Dots { diameter_m } => Marks::Dot {
                     radius: 0.5 * diameter_m / board.pitch_m,
@@ -83,7 +91,7 @@ impl Local {
             m: *m,
             per,
             normals: [0, 1].map(|k| [m[(k, 0)] * per[k], m[(k, 1)] * per[k]]),
-            per_blur: 1.0 / blur_px,
+            per_blur: blur_px.map(|s| 1.0 / s),
         }
     }
 
@@ -91,7 +99,7 @@ impl Local {
     #[inline(always)]
     pub fn range(&self) -> [f64; 2] {
         match self.kind {
-            Marks::Corner => [-1.0, 2.0],
+            Marks::Corner | Marks::CornerBeforeMarkers { .. } => [-1.0, 2.0],
             _ => [0.0, 1.0],
         }
     }
@@ -109,35 +117,74 @@ impl Local {
         (p - q, dp - dq)
     }
 
+    /// 1 / blur across a rim whose normal has these shares of the two families' normals \[1/px\].
+    #[inline(always)]
+    fn towards(&self, u: f64, v: f64) -> f64 {
+        let [a, b] = self.per_blur;
+        if a == b {
+            return a;
+        }
+        let (p, q) = ((u / self.per[0]).powi(2), (v / self.per[1]).powi(2));
+        ((p + q) / (p / (a * a) + q / (b * b))).sqrt()
+    }
+
     /// The two lines of a crossing at (u, v), if it is one.
     pub fn lines(&self, u: f64, v: f64) -> Option<[f64; 2]> {
         let Marks::Lines(half) = self.kind else {
             return None;
         };
-        let [a, b] = [u * self.per[0], v * self.per[1]].map(|d| d * self.per_blur);
+        let [a, b] = [0, 1].map(|k| [u, v][k] * self.per[k] * self.per_blur[k]);
         Some([self.band(a, half[0]).0, self.band(b, half[1]).0])
     }
 
-    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel.
+    /// Pattern at lattice coordinates (u, v) from its node, and its gradient per pixel; `light`: whether its positive part
+    /// is the light one, which is where markers are.
+    #[inline(always)]
+    pub fn pattern_of(&self, u: f64, v: f64, light: bool) -> (f64, [f64; 2]) {
+        let (mut value, mut gradient) = self.pattern(u, v);
+        if let Marks::CornerBeforeMarkers { gap } = self.kind {
+            let [n1, n2] = self.normals;
+            let sides = if light { 1.0 } else { -1.0 };
+            for side in [1.0, -1.0] {
+                let along = |k: usize, sign: f64, w: f64| {
+                    let scale = self.per[k] * self.per_blur[k];
+                    let (p, dp) = normal(self.table, (sign * w - gap) * scale);
+                    (p, dp * sign * self.per_blur[k])
+                };
+                let (p, dp) = along(0, side, u);
+                let (q, dq) = along(1, side * sides, v);
+                value -= 2.0 * sides * p * q;
+                for (k, g) in gradient.iter_mut().enumerate() {
+                    *g -= 2.0 * sides * (dp * q * n1[k] + dq * p * n2[k]);
+                }
+            }
+        }
+        (value, gradient)
+    }
+
+    /// The same without markers: before it is known which squares are light.
     #[inline(always)]
     pub fn pattern(&self, u: f64, v: f64) -> (f64, [f64; 2]) {
         let [n1, n2] = self.normals;
-        let d1 = u * self.per[0] * self.per_blur;
-        let d2 = v * self.per[1] * self.per_blur;
+        let d1 = u * self.per[0] * self.per_blur[0];
+        let d2 = v * self.per[1] * self.per_blur[1];
         match self.kind {
-            Marks::Corner => {
+            Marks::Corner | Marks::CornerBeforeMarkers { .. } => {
                 let (a, da) = normal(self.table, d1);
                 let (b, db) = normal(self.table, d2);
                 let (a, b) = (2.0 * a - 1.0, 2.0 * b - 1.0);
-                let (da, db) = (2.0 * da * self.per_blur * b, 2.0 * db * self.per_blur * a);
+                let (da, db) = (
+                    2.0 * da * self.per_blur[0] * b,
+                    2.0 * db * self.per_blur[1] * a,
+                );
                 (a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
             }
             Marks::Lines(half) => {
                 let (a, da) = self.band(d1, half[0]);
                 let (b, db) = self.band(d2, half[1]);
                 let (da, db) = (
-                    da * self.per_blur * (1.0 - b),
-                    db * self.per_blur * (1.0 - a),
+                    da * self.per_blur[0] * (1.0 - b),
+                    db * self.per_blur[1] * (1.0 - a),
                 );
                 (a + b - a * b, [0, 1].map(|k| da * n1[k] + db * n2[k]))
             }
@@ -148,8 +195,9 @@ impl Local {
                 }
                 let g = [0, 1].map(|k| (u * self.m[(0, k)] + v * self.m[(1, k)]) / rho);
                 let per_size = 1.0 / (g[0] * g[0] + g[1] * g[1]).sqrt();
-                let (p, dp) = normal(self.table, (radius - rho) * per_size * self.per_blur);
-                let slope = -dp * self.per_blur * per_size;
+                let per_blur = self.towards(u / rho, v / rho);
+                let (p, dp) = normal(self.table, (radius - rho) * per_size * per_blur);
+                let slope = -dp * per_blur * per_size;
                 (p, [slope * g[0], slope * g[1]])
             }
         }

@@ -73,6 +73,18 @@ pub enum NotFound {
         seen[0], seen[1], wanted[0], wanted[1]
     )]
     NotUpright { seen: [u32; 2], wanted: [u32; 2] },
+    #[error("another board than the file's: of {squares} light squares with a marker too few are those of {dictionary} in their places; {}",
+        match seen {
+            Some(side) if dictionary.contains(&format!("_{side}X")) => "the dictionary fits: check columns and rows (nodes are inner corners, one less than squares), and that the square at the upper left is dark (OpenCV's legacy pattern is another one)".to_owned(),
+            Some(side) => format!("they are of a dictionary DICT_{side}X{side}: give the file of the board that is in view"),
+            None => "they are of no 4X4 to 7X7 dictionary of OpenCV's, or marker_m is wrong: measure the markers' side with their dark border".to_owned(),
+        })]
+    OtherMarkers {
+        squares: usize,
+        dictionary: &'static str,
+        /// Bits along the side of the markers seen.
+        seen: Option<u32>,
+    },
     #[error("two boards in view ({first} and {second} nodes); cover or remove one")]
     TwoBoards { first: usize, second: usize },
 }

@@ -35,7 +35,7 @@ impl Refined {
     /// leaves a fifth of its contrast.
     pub fn is_pattern(&self) -> bool {
         let contrast = self.contrast.abs();
-        self.rms < (0.1 * contrast).max(4.0)
+        self.rms < 0.1 * contrast
             || (self.misfit < 0.1 * contrast && self.rms < NOISIEST * contrast)
     }
 }
@@ -47,8 +47,9 @@ pub(super) struct Refiner<'a> {
     /// Index to image, and back.
     pub to_image: Matrix3<f64>,
     pub to_index: Matrix3<f64>,
-    /// Point spread including the pixel's own size \[px\].
-    pub blur_px: f64,
+    /// Point spread including the pixel's own size, across the rims along η and across those along ξ \[px\]: a hand that
+    /// moves blurs one of them more than the other.
+    pub blur_px: [f64; 2],
     /// The camera's curve, where the board shows that it has one.
     pub tone: Option<Tone>,
 }
@@ -66,7 +67,7 @@ const FARTHEST_STEP_PX: [f64; ROUNDS] = {
 };
 
 /// Half the patch in node pitches: clear of blocks in the cells, and of key discs.
-const PATCH_PITCH: f64 = 0.3;
+pub(super) const PATCH_PITCH: f64 = 0.3;
 /// Half the patch at most \[px\]; dots need all of their rim.
 const PATCH_PX: f64 = 7.0;
 
@@ -172,7 +173,7 @@ impl LeastSquares<Const<6>> for Patch<'_> {
         let local = Local::new(
             self.refiner.board,
             &self.m,
-            self.refiner.blur_px.hypot(soft),
+            self.refiner.blur_px.map(|s| s.hypot(soft)),
         );
         // Before the levels are known it is not known which of them is light.
         let levels = round > 0;
@@ -326,7 +327,7 @@ impl Refiner<'_> {
     /// The pattern as the camera shows it, and its gradient.
     #[inline(always)]
     pub fn shown(&self, local: &Local, [u, v]: [f64; 2], contrast: f64) -> (f64, [f64; 2]) {
-        let (value, gradient) = local.pattern(u, v);
+        let (value, gradient) = local.pattern_of(u, v, contrast > 0.0);
         match &self.tone {
             None => (value, gradient),
             Some(tone) => {
@@ -356,7 +357,7 @@ impl Refiner<'_> {
         let ideal = index.map(f64::from);
         let (c, s) = (
             Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]),
-            self.blur_px,
+            self.blur_px[0].max(self.blur_px[1]),
         );
         let m = c.try_inverse()?;
         // Second order from the global homography, first order from the neighbours.
@@ -370,6 +371,7 @@ impl Refiner<'_> {
         // A soft rim is wide: seen through a narrow ring, more blur and more contrast look alike.
         let rim_px = (2.5 * s).max(3.5);
         let reach = if dots { 22.0 } else { PATCH_PX };
+        let clear = self.clear_of_marker(&m);
         let half = |k: usize| {
             (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs()))
                 .min(reach)
@@ -401,6 +403,8 @@ impl Refiner<'_> {
                     let size = (u * m.row(0) + v * m.row(1)).norm() / rho;
                     ((rho - dot_radius) / size).abs() > rim_px
                 };
+                // Where a marker's bits are, or their blur.
+                let far = far || (u.abs().min(v.abs()) > clear);
                 if !far && u.abs() <= PATCH_PITCH + 0.05 && v.abs() <= PATCH_PITCH + 0.05 {
                     pixels.push([x, y, u, v, f64::from(self.image.at(q, r))]);
                 }
@@ -429,71 +433,5 @@ impl Refiner<'_> {
             hessian: found.normal.hessian,
             patch,
         })
-    }
-
-    /// Whether both lines of a crossing are there: each gets an amplitude of its own. A
-    /// point on a single line fits the crossing nearly as well as a crossing does.
-    fn both_lines(&self, pixels: &[[f64; 5]], theta: &SVector<f64, 6>, m: &Matrix2<f64>) -> bool {
-        let local = Local::new(self.board, m, self.blur_px);
-        let shift = m * nalgebra::Vector2::new(theta[4], theta[5]);
-        let mut normal_matrix = Matrix2::identity() * 1e-9;
-        let mut right = nalgebra::Vector2::zeros();
-        for p in pixels {
-            let Some(lines) = local.lines(p[2] - shift[0], p[3] - shift[1]) else {
-                return true;
-            };
-            let row = nalgebra::Vector2::from(lines);
-            let rest = p[4] - theta[0] - theta[1] * p[0] - theta[2] * p[1];
-            normal_matrix += row * row.transpose();
-            right += row * rest;
-        }
-        normal_matrix.try_inverse().is_some_and(|inverse| {
-            let each = inverse * right / theta[3];
-            each.min() > 0.45 && each.max() < 1.8
-        })
-    }
-
-    /// Middle of what is dark around a start: the filter answers on the rim of a large dot.
-    pub fn centroid(&self, start: [f64; 2], steps: [[f64; 2]; 2]) -> Option<[f64; 2]> {
-        let m = Matrix2::new(steps[0][0], steps[1][0], steps[0][1], steps[1][1]).try_inverse()?;
-        let half = |k: usize| (PATCH_PITCH * (steps[0][k].abs() + steps[1][k].abs())) as i64;
-        let (hc, hr) = (half(0).min(40), half(1).min(40));
-        let mut at = start;
-        // Of a large dot every fourth pixel: a tenth of a pixel is good enough here.
-        let sparse = if hc.max(hr) > 8 { 2 } else { 1 };
-        for _ in 0..2 {
-            let middle = [at[0].round() as i64, at[1].round() as i64];
-            let rows = || (middle[1] - hr..=middle[1] + hr).step_by(sparse);
-            let columns = || (middle[0] - hc..=middle[0] + hc).step_by(sparse);
-            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for r in rows() {
-                for c in columns() {
-                    let v = self.image.at(c, r);
-                    low = low.min(v);
-                    high = high.max(v);
-                }
-            }
-            let threshold = 0.5 * (low + high);
-            let (mut sum, mut count) = ([0.0; 2], 0.0);
-            for r in rows() {
-                for c in columns() {
-                    // Most of a patch is face: asked for first.
-                    if self.image.at(c, r) >= threshold {
-                        continue;
-                    }
-                    let (x, y) = (c as f64 - at[0], r as f64 - at[1]);
-                    let u = m * nalgebra::Vector2::new(x, y);
-                    if u.amax() < PATCH_PITCH {
-                        sum[0] += x;
-                        sum[1] += y;
-                        count += 1.0;
-                    }
-                }
-            }
-            if count > 3.0 {
-                at = [at[0] + sum[0] / count, at[1] + sum[1] / count];
-            }
-        }
-        Some(at)
     }
 }

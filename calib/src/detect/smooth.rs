@@ -91,6 +91,17 @@ impl Smooth {
         Some([q[0] + off[0], q[1] + off[1]])
     }
 
+    /// The same map in an image so many times larger.
+    pub fn enlarged(mut self, times: f64) -> Self {
+        // Means of blocks: the middle of a block's first pixel lies half a pixel inside.
+        let shift = 0.5 * (times - 1.0);
+        let enlarge = Matrix3::new(times, 0.0, shift, 0.0, times, shift, 0.0, 0.0, 1.0);
+        self.h = enlarge * self.h;
+        self.cubic *= times;
+        self.limit_px *= times;
+        self
+    }
+
     fn steps(&self, k: [f64; 2]) -> Option<[[f64; 2]; 2]> {
         let step = |axis: usize| {
             let (mut a, mut b) = (k, k);
@@ -190,6 +201,8 @@ fn stands_out(refiner: &Refiner<'_>, map: &Smooth, [i, j]: [f64; 2], least: f64)
     };
     let four = |d: f64| Some([grey(d, d)?, grey(-d, -d)?, grey(d, -d)?, grey(-d, d)?]);
     let difference = || match refiner.board.pattern {
+        // The light squares are half dark with markers.
+        BoardPattern::Charuco { .. } => Some(f64::INFINITY),
         BoardPattern::Chessboard => {
             let [a, b, c, d] = four(0.2)?;
             Some((0.25 * (a + b - c - d)).abs())

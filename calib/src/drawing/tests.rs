@@ -248,3 +248,48 @@ fn a_chessboard_has_its_squares_where_the_renderer_and_the_detector_put_them() {
         assert!((size[0] - 50.0).abs() < 1e-3 && (size[1] - 50.0).abs() < 1e-3);
     }
 }
+
+/// Marks and the light left in them, painted in order, against the board's own rule, over all of its face.
+#[test]
+fn a_charuco_board_is_drawn_as_it_is_read() {
+    let (_, dictionary) = hydroline_rigs::Dictionary::ALL[5];
+    let mut board = board(BoardPattern::Charuco {
+        dictionary,
+        marker_m: 0.037,
+    });
+    (board.columns, board.rows, board.margin_m) = (6, 4, 0.05);
+    board.blocks.clear();
+    let sheet = board_sheet(&board);
+    let half = board::half_size_m(&board).map(|v| 1e3 * v);
+    let centre = [ROOM_MM + half[0], ROOM_MM + 20.0 + half[1]];
+    let mut light = [0, 0];
+    for y in 0..181 {
+        for x in 0..181 {
+            // Off the rims of squares and bits.
+            let at = [x, y].map(|k| 2.0 * (f64::from(k) + 0.37) / 181.0 - 1.0);
+            let place = [centre[0] + at[0] * half[0], centre[1] + at[1] * half[1]];
+            let mut dark = false;
+            for shape in &sheet.shapes {
+                if let Shape::Polygon(layer @ (Layer::Mark | Layer::Light), corners) = shape
+                    && (0..2).all(|k| corners[0][k] < place[k] && place[k] < corners[2][k])
+                {
+                    dark = *layer == Layer::Mark;
+                }
+            }
+            // ξ runs to the left of the drawing.
+            let on_board = [-at[0] * half[0] / 1e3, at[1] * half[1] / 1e3];
+            assert_eq!(
+                dark,
+                crate::charuco::is_dark(&board, on_board),
+                "{on_board:?}"
+            );
+            light[usize::from(dark)] += 1;
+        }
+    }
+    assert!(light[0].min(light[1]) * 10 > light[0].max(light[1]) * 4);
+    assert!(
+        sheet
+            .title
+            .contains("7 x 5 squares, DICT_5X5_100 markers of 37 mm")
+    );
+}

@@ -6,9 +6,12 @@
 //! blurred, lit, made noisy and quantised ([`finish`]).
 
 #![allow(dead_code, unused_imports)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod clutter;
 pub mod hand;
+pub mod hard;
+mod jpeg;
 /// The camera of the lab's comparison of maps, which no map knows.
 #[path = "../../../src/lab/maps/truth.rs"]
 pub mod truth;

@@ -91,6 +91,7 @@ impl World<'_> {
                     && (0.0..=cols).contains(&near_u)
                     && (0.0..=rows).contains(&near_v)
             }
+            BoardPattern::Charuco { .. } => panic!("boards of this renderer have no markers"),
             BoardPattern::Chessboard => {
                 (-1..=cols as i32).contains(&cell[0])
                     && (-1..=rows as i32).contains(&cell[1])

@@ -1,6 +1,7 @@
 //! The calibration board.
 
-use crate::raw::{Quantity, Section, keys_of, name, number, numbers, tables, whole};
+use super::dictionary::Dictionary;
+use crate::raw::{Quantity, Section, keys_of, name, number, numbers, tables, whole, words};
 
 const fn size() -> Quantity {
     number(0.0, 10.0, "m").above()
@@ -21,6 +22,14 @@ shapes! {
         },
         /// Chessboard squares of the pitch's size.
         Chessboard = "chessboard",
+        /// ChArUco: a chessboard with a marker in every light square, as OpenCV's `CharucoBoard` draws it: the square at
+        /// the upper left dark, markers numbered from there row by row.
+        Charuco = "charuco" {
+            /// OpenCV's name of the markers' dictionary; of `pattern = "charuco"`.
+            dictionary: Dictionary = words(Dictionary::ALL.iter().copied()),
+            /// Side of the markers, with their dark border; of `pattern = "charuco"`. Less than `pitch_m`.
+            marker_m: f64 = size(),
+        },
     }
 }
 
@@ -65,9 +74,35 @@ table! {
     }
 }
 
+impl BoardPattern {
+    /// Whether its nodes are corners of squares in chessboard order.
+    pub fn is_chess(&self) -> bool {
+        matches!(
+            self,
+            BoardPattern::Chessboard | BoardPattern::Charuco { .. }
+        )
+    }
+}
+
 fn marks_apart(typed: &mut BoardTyped, s: &Section<'_>) {
     typed.blocks = typed.block.take();
+    if let (Some(BoardPattern::Charuco { dictionary, .. }), Some(columns), Some(rows)) =
+        (typed.pattern, typed.columns, typed.rows)
+    {
+        let markers = (columns + 1) * (rows + 1) / 2;
+        if markers > dictionary.markers {
+            s.rule(
+                "dictionary",
+                format!(
+                    "{columns} x {rows} nodes have {markers} light squares, the dictionary {} markers",
+                    dictionary.markers
+                ),
+                "Enter a dictionary with as many, or fewer columns and rows",
+            );
+        }
+    }
     let (key, mark) = match typed.pattern {
+        Some(BoardPattern::Charuco { marker_m, .. }) => ("marker_m", marker_m),
         Some(BoardPattern::Lines { line_m }) => ("line_m", line_m),
         Some(BoardPattern::Dots { diameter_m }) => ("diameter_m", diameter_m),
         _ => return,

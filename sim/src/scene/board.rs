@@ -384,11 +384,9 @@ impl Stand<'_> {
                     || (dj.abs() <= w && within(i, board.columns))
             }
             BoardPattern::Dots { diameter_m } => di.hypot(dj) <= diameter_m / 2.0,
-            BoardPattern::Chessboard => {
-                // Nodes are the inner corners: one more square around them.
-                let inside = |v: f64, n: u32| v >= -1.0 && v <= f64::from(n);
-                let parity = i.floor() as i64 + j.floor() as i64;
-                inside(i, board.columns) && inside(j, board.rows) && parity.rem_euclid(2) == 0
+            // Nodes are the inner corners: one more square around them.
+            BoardPattern::Chessboard | BoardPattern::Charuco { .. } => {
+                hydroline_calib::charuco::is_dark(board, [x, y])
             }
         };
         // The key's discs are dark; on a chessboard they take the other colour of their square.

@@ -205,6 +205,30 @@ fn targets_and_boards_that_make_no_sense() {
             words,
         );
     }
+    let board = include_str!("../../../boards/charuco-25.toml");
+    for (from, to, words) in [
+        (
+            "marker_m = 0.018",
+            "marker_m = 0.025",
+            &["marker_m", "pitch"][..],
+        ),
+        (
+            "\"DICT_4X4_100\"\n",
+            "\"DICT_4X4_50\"\n",
+            &["dictionary", "82 light squares", "50 markers"],
+        ),
+        (
+            "\"DICT_4X4_100\"\n",
+            "\"DICT_4X4_10\"\n",
+            &["dictionary", "DICT_4X4_1000"],
+        ),
+    ] {
+        assert!(board.contains(from), "{from}");
+        tells(
+            &Board::from_toml(&board.replacen(from, to, 1), "b").expect_err(to),
+            words,
+        );
+    }
 }
 
 #[test]
