@@ -7,9 +7,7 @@ use std::collections::BTreeMap;
 use hydroline_core::run::{Channel, Run};
 use hydroline_identify::figures::edges;
 use hydroline_identify::parameter::Coefficient;
-use hydroline_identify::{
-    Identification, Logged, Residuals, RunSummary, SlotNoise, Trace,
-};
+use hydroline_identify::{Identification, Logged, Residuals, RunSummary, SlotNoise, Trace};
 use hydroline_inference::at_rest::AtRest;
 use hydroline_inference::body::Own;
 use hydroline_numerics::information::correlation;

@@ -42,6 +42,7 @@ mod third_party;
 mod time_limit;
 mod until_decided;
 mod verdict_json;
+mod view;
 mod words;
 
 #[path = "../support/http.rs"]

@@ -35,11 +35,7 @@ struct Listed {
 
 impl Concluding<'_> {
     /// Adds every coefficient to a result; `block` = their covariance.
-    pub(super) fn describe_coefficients(
-        &self,
-        block: &DMatrix<f64>,
-        result: &mut Identification,
-    ) {
+    pub(super) fn describe_coefficients(&self, block: &DMatrix<f64>, result: &mut Identification) {
         let samples = self.fitted.problem.samples();
         let samples: f64 = samples.iter().filter(|n| n.is_finite()).sum();
         let freedom = (samples - self.numbers.values.len() as f64).max(1.0);

@@ -42,7 +42,10 @@ fn noise_of(seed: u64) -> Noise {
 /// Whether an interval holds the truth, and the error over its sd.
 fn judged(p: &Estimate, actual: f64) -> Vec<f64> {
     let is_inside = p.low.unwrap() <= actual && actual <= p.high.unwrap();
-    vec![f64::from(u8::from(is_inside)), (p.value - actual) / p.sd.unwrap()]
+    vec![
+        f64::from(u8::from(is_inside)),
+        (p.value - actual) / p.sd.unwrap(),
+    ]
 }
 
 /// An experiment; the kind of noise changes with the seed.
@@ -132,7 +135,10 @@ fn over_u95(rig: &Rig, seed: u64, typical: f64) -> kept::Found {
     let each = found.parameters.iter();
     each.map(|(key, p)| {
         let off = p.value - actual(key);
-        (key.clone(), vec![off / p.u95.unwrap(), off / p.combined_sd.unwrap()])
+        (
+            key.clone(),
+            vec![off / p.u95.unwrap(), off / p.combined_sd.unwrap()],
+        )
     })
     .collect()
 }

@@ -13,7 +13,11 @@ pub fn cases(name: &str, seeds: Range<u64>, made: impl Fn(u64) -> Found) -> Vec<
     let path = std::env::var("COVERAGE_KEPT").ok();
     let path = path.map(|folder| std::path::Path::new(&folder).join(format!("{name}.txt")));
     let text = path.as_ref().and_then(|p| std::fs::read_to_string(p).ok());
-    let known: BTreeMap<u64, Found> = text.iter().flat_map(|t| t.lines()).filter_map(read).collect();
+    let known: BTreeMap<u64, Found> = text
+        .iter()
+        .flat_map(|t| t.lines())
+        .filter_map(read)
+        .collect();
     let mut file = path.map(|path| {
         let mut options = std::fs::OpenOptions::new();
         options.create(true).append(true).open(path).unwrap()
@@ -67,7 +71,10 @@ fn read(line: &str) -> Option<(u64, Found)> {
 
 #[test]
 fn a_case_is_read_as_it_was_written() {
-    let found = vec![("x_u".to_owned(), vec![-0.25, 1.0]), ("x_uu".to_owned(), vec![3e-7])];
+    let found = vec![
+        ("x_u".to_owned(), vec![-0.25, 1.0]),
+        ("x_uu".to_owned(), vec![3e-7]),
+    ];
     let text = line(7, &found);
     assert_eq!(read(text.trim_end()), Some((7, found)));
     assert_eq!(read("7"), None);
