@@ -16,11 +16,14 @@ use std::path::{Path, PathBuf};
 
 /// From so many sds on a difference is named: one in twenty is as large by chance.
 const NAMED_SDS: f64 = 2.0;
+/// Letters of a value in a table.
+const VALUE_LETTERS: usize = 32;
 /// Differences of a file that are listed; the rest is counted.
 const LISTED: usize = 40;
 /// Keys of a log's session that are another one in each run and say nothing of the tank.
-const OF_THE_RUN: [&str; 7] = [
+const OF_THE_RUN: [&str; 8] = [
     "boot_id",
+    "sha256",
     "source",
     "plan",
     "run",
@@ -157,12 +160,7 @@ fn compared(args: &Args, first: &Side, second: &Side) -> Printed {
     let names = [(&args.first, first), (&args.second, second)];
     let mut missing: Vec<String> = Vec::new();
     for (name, side) in names {
-        missing.extend(
-            side.fitted
-                .missing
-                .iter()
-                .map(|words| format!("{name}: {words}")),
-        );
+        missing.extend(unknown(&side.fitted).map(|words| format!("{name}: {words}")));
         if side.rig.is_none() {
             missing.push(format!(
                 "{name}: a result does not hold its rig; what differs in the rigs shows `hydroline rig diff A.toml B.toml`"
@@ -177,6 +175,34 @@ fn compared(args: &Args, first: &Side, second: &Side) -> Printed {
         session: of_logs(0),
         calibration: of_logs(1),
         missing,
+    }
+}
+
+/// What is not known of a side's coefficients.
+fn unknown(fitted: &Fitted) -> impl Iterator<Item = String> {
+    let none = fitted.rows.iter().all(|r| r.sd.is_none());
+    let uncertainty = none.then(|| "no uncertainty of any coefficient; `hydroline identify LOG... --json` or `--write-rig` gives it".to_owned());
+    let covariance = (!none && fitted.covariance.is_empty()).then(|| {
+        "no covariance: its coefficients are judged one by one; that of identify --json holds it".to_owned()
+    });
+    let basis = fitted
+        .basis
+        .as_ref()
+        .map(|basis| format!("its intervals are of no run of this vehicle: {basis}"));
+    uncertainty.into_iter().chain(covariance).chain(basis)
+}
+
+/// A value as a table shows it: a long list is cut, and --json has all of it.
+fn short(value: &Option<String>) -> String {
+    let Some(value) = value else {
+        return "-".to_owned();
+    };
+    match value.chars().count() {
+        ..=VALUE_LETTERS => value.clone(),
+        _ => format!(
+            "{}...",
+            value.chars().take(VALUE_LETTERS - 3).collect::<String>()
+        ),
     }
 }
 
@@ -275,10 +301,9 @@ fn section(document: &mut Document, name: &str, found: &[Difference]) {
         document.words("No key differs.");
         return;
     }
-    let of = |v: &Option<String>| v.clone().unwrap_or_else(|| "-".to_owned());
     let rows = found.iter().take(LISTED).map(|d| {
         let ratio = d.ratio.map_or("-".to_owned(), significant);
-        vec![d.key.clone(), of(&d.first), of(&d.second), ratio]
+        vec![d.key.clone(), short(&d.first), short(&d.second), ratio]
     });
     document.table(["key", "A", "B", "B / A"], rows.collect());
     if found.len() > LISTED {

@@ -176,11 +176,10 @@ impl Viewed {
         let is_start = |m: &PlainMessage| {
             Event::decode(m.data.clone()).is_ok_and(|e| e.kind == PLAN_START.name)
         };
-        let is_of_plan = |m: &PlainMessage| {
-            ThrusterCommand::decode(m.data.clone()).is_ok_and(|c| c.plan_step > 0)
-        };
-        let start = (self.first_of(Topic::Event, START_WITHIN, is_start))
-            .or_else(|| self.first_of(Topic::Command, START_WITHIN, is_of_plan));
+        let is_of_plan = |m: &PlainMessage| commanded(m).is_some_and(|c| c.plan_step > 0);
+        // When the plan wanted its first command is nearer to its start than the event, which comes before it.
+        let start = (self.first_due(is_of_plan))
+            .or_else(|| self.first_of(Topic::Event, START_WITHIN, is_start));
         if let Some(start_ns) = start.filter(|_| self.is_own) {
             (self.zero, self.zero_ns) = (Zero::Plan, start_ns);
         }
@@ -199,6 +198,20 @@ impl Viewed {
             let messages = self.messages(place, &channels);
             let found = messages.iter().filter(|m| holds(m));
             found.map(|m| self.stamp_ns(m)).min()
+        })
+    }
+
+    /// When the first command for which it holds was due, else sent.
+    fn first_due(&self, holds: impl Fn(&PlainMessage) -> bool) -> Option<u64> {
+        let channels = self.channels_of(Topic::Command);
+        let places = places_of(&self.log, &channels);
+        places.into_iter().take(START_WITHIN).find_map(|place| {
+            let messages = self.messages(place, &channels);
+            let found = messages.iter().filter(|m| holds(m)).map(|m| {
+                let due_ns = commanded(m).map_or(0, |c| c.due_ns);
+                if due_ns > 0 { due_ns } else { self.stamp_ns(m) }
+            });
+            found.min()
         })
     }
 
@@ -372,6 +385,10 @@ impl Viewed {
             .map(|error| format!("{error}; everything before its end is shown"));
         end.into_iter().chain(self.damage.held().clone()).collect()
     }
+}
+
+fn commanded(message: &PlainMessage) -> Option<ThrusterCommand> {
+    ThrusterCommand::decode(message.data.clone()).ok()
 }
 
 /// Places that hold messages of channels, in the order of time.

@@ -11,6 +11,7 @@ mod citations;
 mod cli_build_info;
 mod cli_errors;
 mod clock_set;
+mod compare;
 mod damaged_images;
 mod flat;
 mod formats;

@@ -79,7 +79,18 @@
     pen.restore();
   };
   // The curves of a plot, one for each of its fields in each log that has it.
-  const curvesOf = (p) => logs.flatMap((log, l) => p.fields.map((f, k) => ({ log: l, field: f, k, number: log.numbers.get(keyOf(f)) })).filter((c) => c.number !== undefined));
+  // Where motion and truth share a plot, a log shows its truth only where it has no motion.
+  const MOTION = "/vehicle/motion", TRUTH = "/sim/truth";
+  const has = (log, topic) => log.fields.some((f) => f.topic === topic);
+  const isHeld = (f) => f.topic.startsWith("/thruster/");
+  const curvesOf = (p) => {
+    const names = [...new Set(p.fields.map((f) => f.key + "\n" + f.path))];
+    const stands_in = p.fields.some((f) => f.topic === MOTION);
+    return logs.flatMap((log, l) => p.fields
+      .filter((f) => !(stands_in && f.topic === TRUTH && has(log, MOTION)))
+      .map((f) => ({ log: l, field: f, k: names.indexOf(f.key + "\n" + f.path), number: log.numbers.get(keyOf(f)) }))
+      .filter((c) => c.number !== undefined));
+  };
   const build = (p) => {
     if (p.u) p.u.destroy();
     p.curves = curvesOf(p);
@@ -90,8 +101,8 @@
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false } },
       scales: { x: { time: false, range: () => view }, y: { range: (_, low, high) => around(low, high) } },
       axes: [axis("", {}), axis("", { size: 56 })],
-      series: [{}, ...p.curves.map((c) => ({ stroke: () => colour(c.name), width: 1.5, dash: c.dash, points: { show: false } }))],
-      hooks: { draw: [marks], setSelect: [(u) => chosen(u)] },
+      series: [{}, ...p.curves.map((c) => ({ stroke: () => colour(c.name), width: 1.5, dash: c.dash, points: { show: false }, ...(isHeld(c.field) ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }))],
+      hooks: { draw: [marks, () => placeIn(p)], setSelect: [(u) => chosen(u)] },
     }, [[]].concat(p.curves.map(() => [])), p.box);
     p.line = make("div", "line");
     p.span = make("div", "span");
@@ -105,7 +116,7 @@
       key.style.borderTopColor = "var(--" + c.name + ")";
       if (c.dash.length) key.style.borderTopStyle = c.dash[0] < 4 ? "dotted" : "dashed";
       c.value = make("b", "", "–");
-      row.append(key, labelOf(c.field) + (logs.length > 1 ? " · " + logs[c.log].name : "") + " ", c.value);
+      row.append(key, labelOf(c.field) + (p.fields.some((f) => f.topic !== p.fields[0].topic) ? " of " + c.field.topic : "") + (logs.length > 1 ? " · " + logs[c.log].name : "") + " ", c.value);
       return row;
     }));
     fill(p);
@@ -157,11 +168,12 @@
 
   // --- numbers -----------------------------------------------------------------------------------------------------
   // Where samples are missing a line must not go on: a gap of many times the usual distance.
-  const broken = (s, factor) => {
+  const broken = (s, factor, isHeld) => {
     const { t, v } = s, gaps = [];
     for (let k = 1; k < t.length; k++) gaps.push(t[k] - t[k - 1]);
     const usual = gaps.slice().sort((a, b) => a - b)[gaps.length >> 1] || 0;
-    const most = Math.max(20 * usual, 0.5);
+    // A command holds until the next one.
+    const most = isHeld ? Infinity : Math.max(20 * usual, 0.5);
     const x = [], y = [];
     for (let k = 0; k < t.length; k++) {
       if (k && t[k] - t[k - 1] > most) { x.push(t[k - 1] + 1e-6); y.push(null); }
@@ -198,7 +210,7 @@
           least = Math.min(least, found.read);
           for (const s of found.series) {
             const same = curves.filter((c) => c.number === s.number);
-            same.forEach((c) => { c.data = broken(s, factorOf(c.field)); });
+            same.forEach((c) => { c.data = broken(s, factorOf(c.field), isHeld(c.field)); });
           }
           if (found.read === 1 && found.fields > logs[l].fields.length) await learn();
         }
@@ -219,17 +231,17 @@
     const k = Math.abs(x[next] - t) < Math.abs(x[low] - t) ? next : low;
     return data[1][k];
   };
-  const place = () => {
-    for (const p of plots) {
-      if (!p.u || !p.line) continue;
-      const at = (t) => p.u.valToPos(Math.min(view[1], Math.max(view[0], t)), "x");
-      p.line.style.left = at(now) + "px";
-      p.line.hidden = now < view[0] || now > view[1];
-      p.span.hidden = !range;
-      if (range) { p.span.style.left = at(range[0]) + "px"; p.span.style.width = Math.max(1, at(range[1]) - at(range[0])) + "px"; }
-      for (const c of p.curves) { const words = number(valueAt(c.data, now)); if (c.value.textContent !== words) c.value.textContent = words; }
-    }
+  // Behind a new scale the marks go where it has them: the plot calls this once it is drawn.
+  const placeIn = (p) => {
+    if (!p.u || !p.line) return;
+    const at = (t) => p.u.valToPos(Math.min(view[1], Math.max(view[0], t)), "x");
+    p.line.style.left = at(now) + "px";
+    p.line.hidden = now < view[0] || now > view[1];
+    p.span.hidden = !range;
+    if (range) { p.span.style.left = at(range[0]) + "px"; p.span.style.width = Math.max(1, at(range[1]) - at(range[0])) + "px"; }
+    for (const c of p.curves) { const words = number(valueAt(c.data, now)); if (c.value.textContent !== words) c.value.textContent = words; }
   };
+  const place = () => plots.forEach(placeIn);
   const go = (t) => {
     now = Math.min(last, Math.max(first, t));
     put("now", seconds(now));
@@ -322,25 +334,34 @@
     const o = shown.overlay, canvas = $("picture"), pen = canvas.getContext("2d");
     const width = o.width_px || (shown.bitmap ? shown.bitmap.width : 720), height = o.height_px || (shown.bitmap ? shown.bitmap.height : 576);
     const [x, y, w, h] = cut({ ...o, width_px: width, height_px: height });
-    // A strip is drawn larger, so that it can be looked into.
-    const scale = h < height / 2 ? Math.min(3, height / (2 * h)) : 1;
-    canvas.width = w * scale;
-    canvas.height = h * scale * (scale > 1 ? 1 : 1);
+    // Rows of a strip are drawn several times as high, so that it can be looked into.
+    const tall = h < height / 2 ? Math.max(1, Math.min(8, Math.floor(height / (2 * h)))) : 1;
+    canvas.width = w;
+    canvas.height = h * tall;
     pen.fillStyle = "#000";
     pen.fillRect(0, 0, canvas.width, canvas.height);
     if (shown.bitmap) {
       const f = shown.bitmap.width / width;
-      pen.imageSmoothingEnabled = scale === 1;
+      pen.imageSmoothingEnabled = tall === 1;
       pen.drawImage(shown.bitmap, x * f, y * f, w * f, h * f, 0, 0, canvas.width, canvas.height);
     }
     if ($("stripe").checked) {
-      pen.fillStyle = "#e0c000";
-      const size = Math.max(1, canvas.width / 720);
-      for (const p of o.stripe_px) pen.fillRect((p[0] + 0.5 - x) * scale - size / 2, (p[1] + 0.5 - y) * scale - size / 2, size, size);
+      pen.strokeStyle = "#e0c000";
+      pen.lineWidth = Math.max(1.5, width / 640);
+      pen.beginPath();
+      let before = null;
+      for (const p of o.stripe_px) {
+        const next = [p[0] + 0.5 - x, (p[1] + 0.5 - y) * tall];
+        // A step of the stripe, or a gap in it, is no line.
+        const near = before && p[0] - before[0] <= 8 && Math.abs(p[1] - before[1]) <= 4;
+        if (near) pen.lineTo(next[0], next[1]); else pen.moveTo(next[0], next[1]);
+        before = p;
+      }
+      pen.stroke();
     }
     show("no-picture", !shown.bitmap);
     put("no-picture", o.fault || "no picture");
-    put("picture-note", "at " + seconds(shown.t) + ", number " + o.sequence + (logs.length > 1 ? ", " + logs[shown.log].name : "") + (o.fault && shown.bitmap ? "; " + o.fault : ""));
+    put("picture-note", "at " + seconds(shown.t) + ", number " + o.sequence + (logs.length > 1 ? ", " + logs[shown.log].name : "") + (tall > 1 ? ", rows ×" + tall : "") + (o.fault && shown.bitmap ? "; " + o.fault : ""));
     show("profile-box", o.profile_m.length > 0);
     if (!o.profile_m.length) return;
     if (!profile) {
@@ -460,8 +481,9 @@
   };
   const usual = () => {
     const of = (topic, wanted) => fieldsListed.filter((f) => f.topic === topic && wanted.includes(f.path));
-    const motion = fieldsListed.some((f) => f.topic === "/vehicle/motion") ? "/vehicle/motion" : "/sim/truth";
-    const sets = [of(motion, ["x_m", "y_m", "z_m"]), of(motion, ["phi_rad", "theta_rad", "psi_rad"]), of("/thruster/command", ["thrust_n"])];
+    const topics = [MOTION, ...(logs.every((log) => has(log, MOTION)) ? [] : [TRUTH])];
+    const motion = (wanted) => topics.flatMap((topic) => of(topic, wanted));
+    const sets = [motion(["x_m", "y_m", "z_m"]), motion(["phi_rad", "theta_rad", "psi_rad"]), of("/thruster/command", ["thrust_n"])];
     const some = sets.filter((s) => s.length);
     if (some.length) return some;
     // Anything but stamps.
