@@ -12,7 +12,7 @@ use hydroline_live::server::Server;
 use hydroline_log::IndexedLog;
 use hydroline_rigs::Rig;
 use hydroline_stripe::ExtractorConfig;
-use hydroline_view::{Finder, LogSite, NamedLog, Viewed};
+use hydroline_view::{Finder, Found, LogSite, NamedLog, Viewed};
 use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
@@ -119,7 +119,11 @@ fn known(log: &IndexedLog) -> (Finder, String) {
     };
     let rule = rig.as_ref().map_or_else(GreyRule::default, Rig::grey_rule);
     let mut analyst = Analyst::new(ExtractorConfig::default(), map, rule);
-    let finder: Finder = Box::new(move |frame| analyst.analyse(frame));
+    let finder: Finder = Box::new(move |frame| {
+        let (profile, extracted) = analyst.analyse_whole(frame);
+        let grey = extracted.ok().map(|(grey, _)| grey);
+        Found { profile, grey }
+    });
     let session = log.metadata().get("session");
     let plan = session.and_then(|s| s.get("plan.name"));
     let plan = plan.map(|name| format!("plan {name}"));

@@ -57,5 +57,5 @@ pub use events::ShownEvent;
 pub use fields::Field;
 pub use frames::{Shown, Wanted};
 pub use series::{ROWS_MAX, Series, Stretch, TooLong};
-pub use site::{Finder, LogSite, NamedLog};
+pub use site::{Finder, Found, LogSite, NamedLog};
 pub use viewed::{Images, ListedField, Undecoded, Viewed, Zero};

@@ -16,7 +16,7 @@ use crate::frames::{Shown, Wanted};
 use crate::query::{BadQuery, Query};
 use crate::series::Stretch;
 use crate::viewed::{Viewed, Zero};
-use hydroline_core::frame::Frame;
+use hydroline_core::frame::{Frame, GreyImage};
 use hydroline_core::lock::Lock;
 use hydroline_live::guard::Guard;
 use hydroline_live::jpeg::{halved, write_jpeg};
@@ -41,8 +41,17 @@ const FIELDS_MAX: usize = 40;
 const PIXELS_MAX: usize = 8000;
 const JSON: &str = "application/json";
 
+/// Stripe of a frame, and the frame's grey levels where they were read for it.
+#[derive(Debug, Clone, Default)]
+pub struct Found {
+    /// The stripe, or why there is none.
+    pub profile: StripeProfile,
+    /// `None` = the frame has none, or was not read.
+    pub grey: Option<GreyImage>,
+}
+
 /// Finds the stripe of a frame of a log.
-pub type Finder = Box<dyn FnMut(&Frame) -> StripeProfile + Send>;
+pub type Finder = Box<dyn FnMut(&Frame) -> Found + Send>;
 
 /// A log as it was named.
 pub struct NamedLog {
@@ -190,11 +199,16 @@ impl LogSite {
         match &shown.frame {
             Err(why) => overlay.fault = why.clone(),
             Ok(frame) => {
-                overlay = self::overlay(log, frame, query.is("stripe"));
-                match frame.inspect(log.viewed.rule()) {
-                    // Damage is for eyes to see.
-                    Ok(inspected) if query.is("full") => write_jpeg(&inspected.image, &mut jpeg),
-                    Ok(inspected) => write_jpeg(&halved(inspected.image), &mut jpeg),
+                let found = query.is("stripe").then(|| (log.finder.held())(frame));
+                let found = found.unwrap_or_default();
+                overlay = self::overlay(frame, &found.profile);
+                // Damage is for eyes to see.
+                let grey = found
+                    .grey
+                    .map_or_else(|| frame.inspect(log.viewed.rule()).map(|i| i.image), Ok);
+                match grey {
+                    Ok(grey) if query.is("full") => write_jpeg(&grey, &mut jpeg),
+                    Ok(grey) => write_jpeg(&halved(grey), &mut jpeg),
                     Err(why) => overlay.fault = why.to_string(),
                 }
             }
@@ -252,22 +266,17 @@ fn seconds(ns: i64) -> f64 {
     (ns as f64 * 1e-3).round() / 1e6
 }
 
-fn overlay(log: &NamedLog, frame: &Frame, stripe: bool) -> Overlay {
-    let mut overlay = Overlay {
+fn overlay(frame: &Frame, profile: &StripeProfile) -> Overlay {
+    Overlay {
         sequence: frame.meta.sequence,
-        width_px: frame.width_px,
-        height_px: frame.height_px,
+        // A JPEG says its size itself.
+        width_px: frame.width_px.max(profile.width_px),
+        height_px: frame.height_px.max(profile.height_px),
+        stripe_px: points(&profile.column_px, &profile.row_px, 0.01),
+        profile_m: points(&profile.xi_m, &profile.eta_m, 1e-5),
+        fault: profile.fault.clone(),
         ..Overlay::default()
-    };
-    if stripe {
-        let mut finder = log.finder.held();
-        let profile = finder(frame);
-        overlay.stripe_px = points(&profile.column_px, &profile.row_px, 0.01);
-        overlay.profile_m = points(&profile.xi_m, &profile.eta_m, 1e-5);
-        overlay.fault = profile.fault;
-        (overlay.width_px, overlay.height_px) = (profile.width_px, profile.height_px);
     }
-    overlay
 }
 
 /// A log as the page lists it.

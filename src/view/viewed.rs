@@ -256,6 +256,7 @@ impl Viewed {
         mut each: impl FnMut(usize, i64, f64),
     ) {
         let mut read = MessageFields::default();
+        let mut layouts = Layouts::default();
         for message in messages {
             let Some(decoder) = self.decoders.get(&message.channel) else {
                 continue;
@@ -270,9 +271,12 @@ impl Viewed {
             let mut texts = read.texts();
             let key = texts.find(|(path, _)| self.is_own && *path == "thruster");
             let key = key.map_or("", |(_, name)| name);
-            let mut fields = self.fields.held();
-            for (path, value) in read.numbers() {
-                if let Some(number) = fields.number(message.channel, key, path) {
+            let layout = layouts.of(message.channel, key);
+            for (place, (path, value)) in read.numbers().enumerate() {
+                let number = layout.number(place, path, || {
+                    self.fields.held().number(message.channel, key, path)
+                });
+                if let Some(number) = number {
                     each(number, at_ns, value);
                 }
             }
@@ -384,6 +388,47 @@ impl Viewed {
             .end_missing()
             .map(|error| format!("{error}; everything before its end is shown"));
         end.into_iter().chain(self.damage.held().clone()).collect()
+    }
+}
+
+/// Fields of messages by their places: those of a channel and a sender have them in the same order, and a name is looked up once.
+#[derive(Debug, Default)]
+struct Layouts(Vec<(u16, String, Layout)>);
+
+#[derive(Debug, Default)]
+struct Layout(Vec<(String, Option<usize>)>);
+
+impl Layouts {
+    fn of(&mut self, channel: u16, key: &str) -> &mut Layout {
+        let known = (self.0.iter()).position(|(c, k, _)| *c == channel && k == key);
+        let place = known.unwrap_or_else(|| {
+            self.0.push((channel, key.to_owned(), Layout::default()));
+            self.0.len() - 1
+        });
+        &mut self.0[place].2
+    }
+}
+
+impl Layout {
+    /// Number of the field at a place, as `find` has it unless it is known.
+    fn number(
+        &mut self,
+        place: usize,
+        path: &str,
+        find: impl FnOnce() -> Option<usize>,
+    ) -> Option<usize> {
+        if let Some((known, number)) = self.0.get(place)
+            && known == path
+        {
+            return *number;
+        }
+        let number = find();
+        self.0.truncate(place);
+        // Behind one that was left out nothing is known.
+        if self.0.len() == place {
+            self.0.push((path.to_owned(), number));
+        }
+        number
     }
 }
 

@@ -79,12 +79,13 @@ fn named(path: &Path) -> NamedLog {
         window_s: None,
         about: String::new(),
         viewed: Viewed::open(path).unwrap(),
-        finder: Mutex::new(Box::new(|frame| StripeProfile {
-            column_px: vec![1.0, 2.0],
-            row_px: vec![f32::from(frame.data[0]), 4.0],
-            width_px: frame.width_px,
-            height_px: frame.height_px,
-            ..StripeProfile::default()
+        finder: Mutex::new(Box::new(|frame| Found {
+            profile: StripeProfile {
+                column_px: vec![1.0, 2.0],
+                row_px: vec![f32::from(frame.data[0]), 4.0],
+                ..StripeProfile::default()
+            },
+            grey: None,
         })),
     }
 }
