@@ -453,7 +453,9 @@
     logs.forEach((log) => { log.numbers = new Map(log.fields.map((f) => [keyOf(f), f.number])); });
     const all = new Map();
     logs.forEach((log) => log.fields.forEach((f) => { if (!all.has(keyOf(f))) all.set(keyOf(f), f); }));
-    fieldsListed = [...all.values()].sort((a, b) => a.topic.localeCompare(b.topic));
+    // Stamps are the axis; nobody plots them.
+    const isStamp = (f) => /(^|\.)(timestamp|stamp)\.(seconds|nanos|sec|nsec|nanosec)$/.test(f.path);
+    fieldsListed = [...all.values()].filter((f) => !isStamp(f)).sort((a, b) => a.topic.localeCompare(b.topic));
     const box = $("field"), had = box.value;
     const groups = new Map();
     fieldsListed.forEach((f) => {
@@ -486,8 +488,8 @@
     const sets = [motion(["x_m", "y_m", "z_m"]), motion(["phi_rad", "theta_rad", "psi_rad"]), of("/thruster/command", ["thrust_n"])];
     const some = sets.filter((s) => s.length);
     if (some.length) return some;
-    // Anything but stamps.
-    return fieldsListed.filter((f) => !/(stamp|nanos?|nsec|sec|seconds|sequence|seq)$/.test(f.path)).slice(0, 3).map((f) => [f]);
+    // Anything but counters.
+    return fieldsListed.filter((f) => !/(sequence|seq)$/.test(f.path)).slice(0, 3).map((f) => [f]);
   };
   const listEvents = async () => {
     for (let read = 0; read < 1;) {
