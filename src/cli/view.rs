@@ -5,6 +5,8 @@ use super::{CliError, Outcome, live, logs};
 use hydroline_calib::{Calibration, IdealMap, PlaneMap};
 use hydroline_core::frame::GreyRule;
 use hydroline_daemon::analysis::Analyst;
+use hydroline_daemon::live::prediction::Prediction;
+use hydroline_daemon::replay::at_start;
 use hydroline_daemon::signals;
 use hydroline_diagnose::Part;
 use hydroline_live::address::{VIEW_FLAGS, check_address_of};
@@ -12,7 +14,7 @@ use hydroline_live::server::Server;
 use hydroline_log::IndexedLog;
 use hydroline_rigs::Rig;
 use hydroline_stripe::ExtractorConfig;
-use hydroline_view::{Finder, Found, LogSite, NamedLog, Viewed};
+use hydroline_view::{Finder, Found, LogSite, Model, NamedLog, Viewed};
 use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
@@ -97,6 +99,9 @@ pub fn run(args: &Args) -> Result<Outcome, CliError> {
 fn opened(part: &Part) -> Result<NamedLog, CliError> {
     let viewed = Viewed::open(&part.path)?;
     let (finder, about) = known(viewed.log());
+    if let Some(model) = model(viewed.log()) {
+        viewed.follow(Box::new(model));
+    }
     Ok(NamedLog {
         path: part.path.display().to_string(),
         window_s: part.window_s,
@@ -130,6 +135,40 @@ fn known(log: &IndexedLog) -> (Finder, String) {
     let rig = rig.map(|rig| format!("rig {}", rig.name));
     let words: Vec<String> = rig.into_iter().chain(plan).collect();
     (finder, words.join(", "))
+}
+
+/// The rig's model, as the live page shows it beside a run.
+struct RigModel {
+    prediction: Prediction,
+    thrusters: Vec<String>,
+}
+
+impl Model for RigModel {
+    fn command(&mut self, thruster: &str, thrust_n: f64, at_ns: u64) {
+        let place = self.thrusters.iter().position(|name| name == thruster);
+        if let Some(place) = place {
+            self.prediction.command(place, thrust_n, at_ns);
+        }
+    }
+
+    fn pose(&mut self, at_ns: u64) -> Option<[f64; 6]> {
+        Some(self.prediction.advance(at_ns)?.state.eta)
+    }
+}
+
+/// The model of the log's rig, from where its run began; `None` = it carries no rig.
+fn model(log: &IndexedLog) -> Option<RigModel> {
+    let text = log.metadata().get("rig")?.get("toml")?;
+    let rig = Rig::from_toml(text, "the log's rig", None).ok()?;
+    let rig = match log.metadata().get("session") {
+        Some(session) => at_start(&rig, session),
+        None => rig,
+    };
+    let names = rig.thrusters.thrusters.iter().map(|t| t.name.clone());
+    Some(RigModel {
+        prediction: Prediction::new(&rig),
+        thrusters: names.collect(),
+    })
 }
 
 /// Opens the page in the browser of whoever sits here; says so where there is none.

@@ -283,7 +283,7 @@ fn is_brief(key: &str, value: &str) -> bool {
                 .is_some_and(|rest| is_group || rest.starts_with('.'))
     };
     let is_line = value.lines().count() == 1;
-    value != "0" && is_line && !ONLY_LONG.iter().any(|own| left_out(&own))
+    value != "0" && is_line && !ONLY_LONG.iter().any(left_out)
 }
 
 /// A value; a number that begins with zeros alone by its exponent.

@@ -5,6 +5,7 @@
 //! fields    numbers that a log's topics hold
 //! viewed    a log by its index: zero of its time, topics, damage
 //! series    numbers over time, read as far as somebody looks; a table of them
+//! derived   motion that a model makes of the commands, and what is beyond it
 //! frames    the frame nearest to a moment, and its neighbours
 //! events    what happened
 //! query     parameters of a request
@@ -45,6 +46,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod column;
+mod derived;
 mod events;
 mod fields;
 mod frames;
@@ -53,6 +55,7 @@ mod series;
 mod site;
 mod viewed;
 
+pub use derived::Model;
 pub use events::ShownEvent;
 pub use fields::Field;
 pub use frames::{Shown, Wanted};

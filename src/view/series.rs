@@ -67,38 +67,65 @@ impl Viewed {
     /// Numbers of fields in a stretch, the least and the greatest of each pixel. Reads on while `more` says so, one place at the
     /// least.
     pub fn series(&self, of: &[usize], stretch: Stretch, more: impl Fn() -> bool) -> Series {
+        let (computed, logged): (Vec<usize>, Vec<usize>) =
+            of.iter().partition(|n| self.is_derived(**n));
+        let (mut read, mut found) = (1.0, BTreeMap::new());
+        if !logged.is_empty() {
+            let share = self.logged(&logged, stretch, &more, &mut found);
+            read = share.min(read);
+        }
+        if !computed.is_empty() {
+            let (share, samples) = self.derive(&computed, stretch, &more);
+            found.extend(samples.into_iter().map(|(number, s)| (number, (s, 0))));
+            read = share.min(read);
+        }
+        let (mut samples, mut not_finite) = (Vec::new(), Vec::new());
+        for number in of {
+            let (own, bad) = found.get(number).cloned().unwrap_or_default();
+            samples.push(own);
+            not_finite.push(bad);
+        }
+        Series {
+            read,
+            samples,
+            not_finite,
+        }
+    }
+
+    /// The same of fields that stand in the log; the share that is read.
+    fn logged(
+        &self,
+        of: &[usize],
+        stretch: Stretch,
+        more: impl Fn() -> bool,
+        found: &mut BTreeMap<usize, (Vec<Sample>, u64)>,
+    ) -> f64 {
         let mut columns = self.columns.held();
         let read = self.read_on(&mut columns, of, more);
-        let thinned = |k: &usize| {
+        let all = self.log().all_places().len();
+        let is_partial = |k: &usize| {
             let reading = columns.readings.get(k);
-            reading.is_some_and(|r| r.column.is_thinned() || r.next < self.log().all_places().len())
+            reading.is_some_and(|r| r.column.is_thinned() || r.next < all)
         };
-        let direct = match of.iter().any(thinned) {
+        let direct = match of.iter().any(is_partial) {
             true => self.direct(of, stretch),
             false => None,
         };
+        let is_whole = direct.is_some();
+        let mut direct = direct.unwrap_or_default();
         let Stretch {
             from_ns,
             to_ns,
             pixels,
         } = stretch;
-        let mut series = Series {
-            read: if direct.is_some() { 1.0 } else { read },
-            samples: Vec::new(),
-            not_finite: Vec::new(),
-        };
-        let mut direct = direct.unwrap_or_default();
         for number in of {
             let kept = columns.readings.get_mut(number).map(|r| &mut r.column);
-            let column = direct.get_mut(number).or(kept);
-            let (samples, not_finite) = column.map_or((Vec::new(), 0), |column| {
+            if let Some(column) = direct.get_mut(number).or(kept) {
                 let shown = decimated(column.samples(), from_ns, to_ns, pixels);
-                (shown, column.not_finite())
-            });
-            series.samples.push(samples);
-            series.not_finite.push(not_finite);
+                found.insert(*number, (shown, column.not_finite()));
+            }
         }
-        series
+        if is_whole { 1.0 } else { read }
     }
 
     /// Reads on for these fields; share of the places that is read.
@@ -205,7 +232,7 @@ impl Viewed {
         places
     }
 
-    /// All samples of fields from one moment to another, as CSV: a row for each moment at which one of them has a sample, in SI, the
+    /// All samples of fields from one moment to another (of what is computed, those that a plot is made of), as CSV: a row for each moment at which one of them has a sample, in SI, the
     /// numbers as the log has them.
     ///
     /// # Errors
@@ -226,6 +253,29 @@ impl Viewed {
             if rows.len() > ROWS_MAX {
                 return Err(TooLong);
             }
+        }
+        let whole = Stretch {
+            from_ns,
+            to_ns,
+            pixels: ROWS_MAX,
+        };
+        let computed: Vec<usize> = of.iter().copied().filter(|n| self.is_derived(*n)).collect();
+        let (_, computed) = self.derive(&computed, whole, || true);
+        for (number, samples) in computed {
+            let column = of.iter().position(|n| *n == number);
+            let inside = samples
+                .iter()
+                .filter(|s| (from_ns..=to_ns).contains(&s.at_ns));
+            for sample in inside {
+                let row = rows.entry(sample.at_ns);
+                let row = row.or_insert_with(|| vec![None; of.len()]);
+                if let Some(column) = column {
+                    row[column] = Some(sample.value);
+                }
+            }
+        }
+        if rows.len() > ROWS_MAX {
+            return Err(TooLong);
         }
         let mut text = String::from("time_s,unix_ns");
         for number in of {

@@ -163,7 +163,7 @@ impl LogSite {
                 json!({ "number": number, "t": t, "v": v, "not_finite": not_finite })
             })
             .collect();
-        let fields = log.fields().len();
+        let fields = log.fields_met();
         let body = json!({ "read": series.read, "fields": fields, "series": each });
         Ok(Reply::of(JSON, body.to_string().into_bytes()))
     }
@@ -304,6 +304,7 @@ fn about(log: &NamedLog) -> Value {
         "to_s": seconds(to_ns),
         "messages": viewed.log().channels().map(|c| c.messages).sum::<u64>(),
         "fields": fields,
+        "fields_met": viewed.fields_met(),
         "images": images,
         "undecoded": undecoded,
         "notes": viewed.notes(),

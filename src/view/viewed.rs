@@ -1,5 +1,6 @@
 //! A finished log: where its time begins, which numbers and images it holds. Only its index and a few chunks are read.
 
+use crate::derived::{self, Derived};
 use crate::events::Events;
 use crate::fields::Fields;
 use crate::frames::Recent;
@@ -84,6 +85,7 @@ pub struct Viewed {
     undecoded: Vec<Undecoded>,
     images: Vec<Images>,
     damage: Mutex<Vec<String>>,
+    pub(crate) derived: Mutex<Option<Derived>>,
     pub(crate) fields: Mutex<Fields>,
     pub(crate) columns: Mutex<Columns>,
     pub(crate) events: Mutex<Events>,
@@ -147,6 +149,7 @@ impl Viewed {
             undecoded,
             images,
             damage: Mutex::default(),
+            derived: Mutex::default(),
             fields: Mutex::default(),
             columns: Mutex::default(),
             events: Mutex::default(),
@@ -313,6 +316,11 @@ impl Viewed {
         listed.collect()
     }
 
+    /// How many numbers were met so far.
+    pub fn fields_met(&self) -> usize {
+        self.fields.held().all().len()
+    }
+
     /// The log by its index.
     pub fn log(&self) -> &IndexedLog {
         &self.log
@@ -378,7 +386,8 @@ impl Viewed {
     /// Name of a channel's topic.
     pub fn topic(&self, channel: u16) -> &str {
         let mut channels = self.log.channels();
-        channels.find(|c| c.id == channel).map_or("", |c| c.topic)
+        let logged = channels.find(|c| c.id == channel).map(|c| c.topic);
+        logged.or_else(|| derived::name(channel)).unwrap_or("")
     }
 
     /// Words on what is missing or damaged, as far as it was met.

@@ -125,6 +125,24 @@ fn what_the_page_shows_is_what_stands_in_the_log() {
         let own = (*ns as i64 - plan_ns as i64) as f64 * 1e-9;
         assert!((own - t).abs() < 1e-6, "{own} {t}");
     }
+    // The rig's model under the commands that were sent is the simulated vehicle.
+    let predicted = field(&info, "predicted", "", "x_m");
+    let series = served
+        .ask(&format!("/series?of={predicted}&from=-9&to=9&pixels=4000"))
+        .json();
+    assert_eq!(series["read"], 1.0);
+    let model: Vec<(f64, f64)> = list(&series, "t")
+        .into_iter()
+        .zip(list(&series, "v"))
+        .collect();
+    for (ns, x) in &truth {
+        let t = (*ns as i64 - plan_ns as i64) as f64 * 1e-9;
+        let after = model.iter().position(|(own, _)| *own >= t - 1e-9).unwrap();
+        let (t1, b) = model[after];
+        let (t0, a) = model[after.saturating_sub(1)];
+        let part = if t1 > t0 { (t - t0) / (t1 - t0) } else { 1.0 };
+        assert!((a + part * (b - a) - x).abs() < 1e-4, "{x} at {t}: {a} {b}");
+    }
     // The fifth frame by its time, with its stripe found in it.
     let t = (frames_ns[4] as i64 - plan_ns as i64) as f64 * 1e-9;
     let (words, jpeg) = picture(&served.ask(&format!("/frame?t={t}&stripe=1")));

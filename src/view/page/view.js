@@ -80,7 +80,7 @@
   };
   // The curves of a plot, one for each of its fields in each log that has it.
   // Where motion and truth share a plot, a log shows its truth only where it has no motion.
-  const MOTION = "/vehicle/motion", TRUTH = "/sim/truth";
+  const MOTION = "/vehicle/motion", TRUTH = "/sim/truth", PREDICTED = "predicted", RESIDUAL = "measured − predicted";
   const has = (log, topic) => log.fields.some((f) => f.topic === topic);
   const isHeld = (f) => f.topic.startsWith("/thruster/");
   const curvesOf = (p) => {
@@ -95,7 +95,7 @@
     if (p.u) p.u.destroy();
     p.curves = curvesOf(p);
     const one = p.fields.length === 1;
-    p.curves.forEach((c) => { c.name = names[(one ? c.log : c.k) % 4]; c.dash = one ? [] : dashes[c.log % 4]; });
+    p.curves.forEach((c) => { c.name = names[(one ? c.log : c.k) % 4]; c.dash = c.field.topic === PREDICTED ? dashes[2] : one ? [] : dashes[c.log % 4]; });
     p.u = new uPlot({
       width: Math.max(p.box.clientWidth, 200), height: HEIGHT, legend: { show: false },
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false } },
@@ -212,7 +212,7 @@
             const same = curves.filter((c) => c.number === s.number);
             same.forEach((c) => { c.data = broken(s, factorOf(c.field), isHeld(c.field)); });
           }
-          if (found.read === 1 && found.fields > logs[l].fields.length) await learn();
+          if (found.read === 1 && found.fields > logs[l].fields_met) await learn();
         }
       }
       plots.forEach(fill);
@@ -483,9 +483,11 @@
   };
   const usual = () => {
     const of = (topic, wanted) => fieldsListed.filter((f) => f.topic === topic && wanted.includes(f.path));
-    const topics = [MOTION, ...(logs.every((log) => has(log, MOTION)) ? [] : [TRUTH])];
+    // Beside one log its model; several are compared with each other.
+    const topics = [MOTION, ...(logs.every((log) => has(log, MOTION)) ? [] : [TRUTH]), ...(logs.length > 1 ? [] : [PREDICTED])];
     const motion = (wanted) => topics.flatMap((topic) => of(topic, wanted));
-    const sets = [motion(["x_m", "y_m", "z_m"]), motion(["phi_rad", "theta_rad", "psi_rad"]), of("/thruster/command", ["thrust_n"])];
+    const sets = [motion(["x_m", "y_m", "z_m"]), motion(["phi_rad", "theta_rad", "psi_rad"]), of("/thruster/command", ["thrust_n"]),
+      logs.length > 1 ? [] : of(RESIDUAL, ["x_m", "y_m", "z_m"])];
     const some = sets.filter((s) => s.length);
     if (some.length) return some;
     // Anything but counters.
