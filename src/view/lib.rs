@@ -3,8 +3,10 @@
 //! ```text
 //! column    samples of one number, bounded; least and greatest of each pixel
 //! fields    numbers that a log's topics hold
+//! numbers   values of messages, by field
 //! viewed    a log by its index: zero of its time, topics, damage
-//! series    numbers over time, read as far as somebody looks; a table of them
+//! series    numbers over time, read as far as somebody looks
+//! table     all samples of a range as CSV
 //! derived   motion that a model makes of the commands, and what is beyond it
 //! frames    the frame nearest to a moment, and its neighbours
 //! events    what happened
@@ -50,15 +52,18 @@ mod derived;
 mod events;
 mod fields;
 mod frames;
+mod numbers;
 mod query;
 mod series;
 mod site;
+mod table;
 mod viewed;
 
 pub use derived::Model;
 pub use events::ShownEvent;
 pub use fields::Field;
 pub use frames::{Shown, Wanted};
-pub use series::{ROWS_MAX, Series, Stretch, TooLong};
+pub use series::{Series, Stretch};
 pub use site::{Finder, Found, LogSite, NamedLog};
+pub use table::{ROWS_MAX, TooLong};
 pub use viewed::{Images, ListedField, Undecoded, Viewed, Zero};

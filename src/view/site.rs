@@ -93,7 +93,7 @@ enum Failed {
     #[error("{0}")]
     Image(String),
     #[error("{0}")]
-    Table(#[from] crate::series::TooLong),
+    Table(#[from] crate::table::TooLong),
 }
 
 impl Failed {

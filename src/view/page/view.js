@@ -65,6 +65,7 @@
     const pen = u.ctx, { left, top, width, height } = u.bbox;
     pen.save();
     pen.globalAlpha = 0.5;
+    pen.setLineDash([]);
     for (const e of events) {
       if (e.t_s < view[0] || e.t_s > view[1]) continue;
       const x = Math.round(u.valToPos(e.t_s, "x", true)) + 0.5;
@@ -181,7 +182,8 @@
       x.push(x.length && t[k] <= x[x.length - 1] ? x[x.length - 1] + 1e-9 : t[k]);
       y.push(v[k] * factor);
     }
-    return [x, y];
+    // How far from a sample its value still counts.
+    return Object.assign([x, y], { reach: Math.min(most, 1e9), isHeld });
   };
   const fill = (p) => {
     if (!p.u) return;
@@ -228,8 +230,9 @@
     let low = 0, high = x.length - 1;
     while (low < high) { const mid = (low + high + 1) >> 1; if (x[mid] <= t) low = mid; else high = mid - 1; }
     const next = Math.min(low + 1, x.length - 1);
+    if (data.isHeld) return x[low] > t ? null : data[1][low];
     const k = Math.abs(x[next] - t) < Math.abs(x[low] - t) ? next : low;
-    return data[1][k];
+    return Math.abs(x[k] - t) > data.reach ? null : data[1][k];
   };
   // Behind a new scale the marks go where it has them: the plot calls this once it is drawn.
   const placeIn = (p) => {
