@@ -9,7 +9,10 @@ pub const GROUPS: &[(&str, &[&str])] = &[
         "At the tank",
         &["aim", "flat", "board", "target", "calibrate", "record"],
     ),
-    ("Logs", &["info", "doctor", "recover", "export", "replay"]),
+    (
+        "Logs",
+        &["info", "doctor", "recover", "export", "replay", "view"],
+    ),
     (
         "Analysis",
         &[
@@ -18,6 +21,7 @@ pub const GROUPS: &[(&str, &[&str])] = &[
             "join",
             "identify",
             "coefficients",
+            "compare",
             "diagnose",
             "predict",
             "model",

@@ -21,6 +21,7 @@ pub mod call;
 mod campaign;
 mod check;
 mod coefficients;
+mod compare;
 mod completions;
 mod demo;
 mod design;
@@ -69,6 +70,7 @@ mod system;
 mod target;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use hydroline_core::build_info::BuildInfo;
@@ -190,6 +192,8 @@ Examples:
     Export(export::Args),
     /// Stripes and poses from a log's images again, bit for bit
     Replay(replay::Args),
+    /// Finished logs on a page in the browser: frames, plots, events
+    View(view::Args),
     /// Stripe points of single images
     Extract(extract::Args),
     /// Motion and commands recorded by something else, into a log
@@ -200,6 +204,8 @@ Examples:
     Identify(identify::Args),
     /// Tables of coefficients: primed, scaled, with intervals
     Coefficients(coefficients::Args),
+    /// Two results, rigs or logs on one page: what differs, in sds
+    Compare(compare::Args),
     /// Physics that the model left out, and proof
     Diagnose(diagnose::Args),
     /// The motion a plan will make, with its band
@@ -285,11 +291,13 @@ impl Cli {
             Command::Recover(args) => log_tools::recover(&args, build),
             Command::Export(args) => export::run(&args),
             Command::Replay(args) => replay::run(&args, build),
+            Command::View(args) => view::run(&args),
             Command::Extract(args) => extract::run(&args),
             Command::Import(args) => import::run(&args, build),
             Command::Join(args) => join::run(&args, build),
             Command::Identify(args) => identify::run(&args),
             Command::Coefficients(args) => coefficients::run(&args),
+            Command::Compare(args) => compare::run(&args),
             Command::Diagnose(args) => diagnose::run(&args),
             Command::Predict(args) => predict::run(&args),
             Command::Model(args) => model::run(&args, build),

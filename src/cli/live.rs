@@ -23,7 +23,7 @@ pub struct LiveArgs {
 const TOKEN_VARIABLE: &str = "HYDROLINE_LIVE_TOKEN";
 
 /// ADDRESS:PORT.
-fn address(text: &str) -> Result<SocketAddr, String> {
+pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     let words = || {
         format!(
             "'{text}' is no ADDRESS:PORT, like {DEFAULT_ADDRESS}; where something else follows, write --live={DEFAULT_ADDRESS}"
@@ -31,6 +31,15 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     };
     let mut found = text.to_socket_addrs().map_err(|_| words())?;
     found.next().ok_or_else(words)
+}
+
+/// The token that a flag names, else the environment.
+pub(super) fn token(named: Option<&str>) -> Result<Option<Token>, LiveError> {
+    let text = match named {
+        Some(text) => Some(text.to_owned()),
+        None => std::env::var(TOKEN_VARIABLE).ok(),
+    };
+    text.as_deref().map(Token::chosen).transpose()
 }
 
 /// A page that is being shown.
@@ -44,11 +53,7 @@ pub struct Shown {
 impl LiveArgs {
     /// The token, from the flag or the environment.
     fn token(&self) -> Result<Option<Token>, LiveError> {
-        let text = match &self.live_token {
-            Some(text) => Some(text.clone()),
-            None => std::env::var(TOKEN_VARIABLE).ok(),
-        };
-        text.as_deref().map(Token::chosen).transpose()
+        token(self.live_token.as_deref())
     }
 
     /// Whether these can be used, before any work is done.

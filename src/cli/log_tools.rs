@@ -9,6 +9,7 @@ use hydroline_import::recorded::{Contents, RecordedError, Recording};
 use hydroline_log::LogError;
 use hydroline_log::doctor::Diagnosis;
 use regex_lite::{Regex, RegexBuilder};
+use std::fmt::Arguments;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -17,11 +18,14 @@ Of a log of another program (MCAP, db3, ArduPilot .bin, .tlog, PX4 .ulg) it list
 `hydroline import` can name. A folder stands for all logs in it and below it; a log that cannot be read is reported, and the \
 others are looked at.
 
---grep looks through what is printed and through all of the metadata (rig, plan, note, calibration) and prints lines, each \
+It is at most forty lines of a log of ours: counts of nothing, hashes and matrices are left out and counted; --long prints all.
+
+--grep looks through what --long prints and through all of the metadata (rig, plan, note, calibration) and prints lines, each \
 behind its log. Capital or small is the same.
 
 Examples:
   hydroline info run.mcap
+  hydroline info run.mcap --long
   hydroline info run.mcap --json
   hydroline info logs --grep 'mass_kg = 12'    # which runs were made with this rig?
   hydroline info logs --json > logs.jsonl      # one object per line
@@ -35,6 +39,9 @@ pub struct InfoArgs {
     /// Prints the lines in which this regular expression is found; with --json the logs that have one
     #[arg(long, value_parser = expression, value_name = "EXPRESSION")]
     grep: Option<Regex>,
+    /// Prints all metadata, however long
+    #[arg(long, conflicts_with = "json")]
+    long: bool,
     /// Prints one JSON object, one per line of several logs
     #[arg(long)]
     json: bool,
@@ -108,33 +115,37 @@ pub(super) struct LogInfo {
     not_importable: Option<String>,
 }
 
-impl std::fmt::Display for LogInfo {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let info = self.info.to_string();
+impl LogInfo {
+    /// As a terminal shows it, short or all of it.
+    fn text(&self, long: bool) -> String {
+        let info = match long {
+            true => self.info.to_string(),
+            false => self.info.brief().to_string(),
+        };
+        let mut text = String::new();
+        let mut line = |words: Arguments<'_>| {
+            // A String takes everything.
+            let _ = plain::line(&mut text, words);
+        };
         let (first, rest) = info.split_once('\n').unwrap_or((&info, ""));
-        plain::line(f, format_args!("{first}"))?;
+        line(format_args!("{first}"));
         // Of a loss nothing else in the log's own account speaks, and what follows may be long.
         let topics = self.importable.iter().flat_map(|c| &c.topics);
         for t in topics.filter(|t| t.undecoded > 0) {
-            plain::line(
-                f,
-                format_args!(
-                    "  NOT READ     {} of {} messages of {} cannot be decoded",
-                    t.undecoded, t.messages, t.topic
-                ),
-            )?;
+            line(format_args!(
+                "  NOT READ     {} of {} messages of {} cannot be decoded",
+                t.undecoded, t.messages, t.topic
+            ));
         }
-        write!(f, "{rest}")?;
+        rest.lines().for_each(|own| line(format_args!("{own}")));
         if let Some(why) = &self.not_importable {
-            plain::line(f, format_args!("`hydroline import` cannot take it: {why}"))?;
+            line(format_args!("`hydroline import` cannot take it: {why}"));
         }
-        match &self.importable {
-            Some(contents) => write!(
-                f,
-                "fields that a map of `hydroline import` can name\n{contents}"
-            ),
-            None => Ok(()),
+        if let Some(contents) = &self.importable {
+            text.push_str("fields that a map of `hydroline import` can name\n");
+            text.push_str(&contents.to_string());
         }
+        text
     }
 }
 
@@ -172,16 +183,20 @@ impl Looked {
         }
     }
 
-    fn text(&self) -> String {
+    fn text(&self, long: bool) -> String {
         match self {
-            Self::Log(log) => log.to_string(),
+            Self::Log(log) => log.text(long),
             Self::Other(contents) => contents.to_string(),
         }
     }
 
     /// Lines in which the expression is found: of what is printed, and of metadata that is printed as a number of lines.
     fn lines(&self, wanted: &Regex) -> Vec<String> {
-        let mut lines: Vec<String> = self.text().lines().map(|l| l.trim().to_owned()).collect();
+        let mut lines: Vec<String> = self
+            .text(true)
+            .lines()
+            .map(|l| l.trim().to_owned())
+            .collect();
         if let Self::Log(log) = self {
             for (name, map) in &log.info.metadata {
                 for (key, value) in map.iter().filter(|(_, value)| value.lines().count() > 1) {
@@ -214,7 +229,7 @@ pub fn info(args: &InfoArgs) -> Result<Outcome, CliError> {
         match (args.json, &looked) {
             (true, Looked::Log(info)) => many.json(log, info.as_ref())?,
             (true, Looked::Other(contents)) => many.json(log, contents)?,
-            (false, looked) => out!("{}", looked.text()),
+            (false, looked) => out!("{}", looked.text(args.long)),
         }
         Ok(Outcome::Done)
     };

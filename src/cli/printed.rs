@@ -59,6 +59,7 @@ pub fn printed() -> Vec<Printed> {
         "identify" "" Identification,
         "identify" "With --bollard and without logs." Bollard,
         "coefficients" "" hydroline_coefficients::Table,
+        "compare" "" crate::compare::Printed,
         "diagnose" "The same is in `diagnose.json` of --report." Verdict,
         "predict" "" predict::Printed<'static>,
         "model" "" model::Printed<'static>,

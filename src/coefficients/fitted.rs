@@ -31,6 +31,10 @@ pub struct Fitted {
     pub source: String,
     /// One per coefficient that is there.
     pub rows: Vec<Row>,
+    /// Coefficients of which the covariance is known, in its order.
+    pub order: Vec<Coefficient>,
+    /// Covariance of them, SI: of the whole budget where one was made, else by the samples; empty = the source holds none.
+    pub covariance: Vec<Vec<f64>>,
     /// Mass of the vehicle \[kg\], where the source says it.
     pub mass_kg: Option<f64>,
     /// Gravitational acceleration \[m/s2\], where the source says it.
@@ -85,6 +89,35 @@ struct OfIdentify {
     parameters: BTreeMap<String, Estimate>,
     #[serde(default)]
     runs: Vec<OfRun>,
+    #[serde(default)]
+    order: Vec<String>,
+    #[serde(default)]
+    covariance: Vec<Vec<Option<f64>>>,
+    #[serde(default)]
+    covariance_combined: Vec<Vec<Option<f64>>>,
+}
+
+impl OfIdentify {
+    /// Coefficients that are determined, and their covariance.
+    fn covariance(&self) -> (Vec<Coefficient>, Vec<Vec<f64>>) {
+        let whole = match self.covariance_combined.is_empty() {
+            true => &self.covariance,
+            false => &self.covariance_combined,
+        };
+        let at = |i: usize, k: usize| whole.get(i)?.get(k).copied().flatten();
+        let determined: Vec<(usize, Coefficient)> = (self.order.iter().enumerate())
+            .filter_map(|(i, key)| {
+                at(i, i).filter(|v| *v > 0.0)?;
+                Some((i, Coefficient::find(key)?))
+            })
+            .collect();
+        let rows = determined.iter().map(|(i, _)| {
+            let row = determined.iter().map(|(k, _)| at(*i, *k).unwrap_or(0.0));
+            row.collect()
+        });
+        let rows = rows.collect();
+        (determined.into_iter().map(|(_, c)| c).collect(), rows)
+    }
 }
 
 /// The parts of `diagnose --json`.
@@ -120,6 +153,13 @@ impl Fitted {
         if known.is_none() {
             missing.push("no uncertainty: the rig has no [identified]; hydroline identify LOG... --write-rig writes one".to_owned());
         }
+        let (order, covariance) = known.as_ref().map_or_else(Default::default, |known| {
+            let order: Vec<Coefficient> = known.values.iter().map(|(c, _)| *c).collect();
+            let row = |i| (0..order.len()).map(move |k| (i, k));
+            let rows = (0..order.len()).map(|i| row(i).map(|at| known.covariance[at]).collect());
+            let rows = rows.collect();
+            (order, rows)
+        });
         let basis = rig.identified.as_ref().and_then(|k| k.source.clone());
         if let Some(basis) = &basis {
             missing.push(format!("the intervals are of no run of this vehicle: {basis}; hydroline identify LOG... --write-rig puts measured ones there"));
@@ -128,6 +168,8 @@ impl Fitted {
         Ok(Fitted {
             source: rig.name.clone(),
             rows: rows.collect(),
+            order,
+            covariance,
             mass_kg: Some(rig.vehicle.mass_kg),
             gravity_mps2: Some(rig.vehicle.gravity_mps2),
             runs: Vec::new(),
@@ -148,16 +190,17 @@ impl Fitted {
         let json: serde_json::Value =
             serde_json::from_str(text).map_err(|e| bad(format!("no JSON: {e}")))?;
         let is_verdict = json.get("verdict").is_some();
-        let (source, parameters, runs) = if is_verdict {
+        let (source, parameters, runs, (order, covariance)) = if is_verdict {
             let of: OfDiagnose =
                 serde_json::from_value(json).map_err(|e| bad(format!("no verdict: {e}")))?;
             let Parameters { after, written } = of.parameters;
             let chosen = if written.is_empty() { after } else { written };
-            ("diagnose", chosen, Vec::new())
+            ("diagnose", chosen, Vec::new(), Default::default())
         } else {
             let of: OfIdentify =
                 serde_json::from_value(json).map_err(|e| bad(format!("no identification: {e}")))?;
-            ("identify", of.parameters, of.runs)
+            let known = of.covariance();
+            ("identify", of.parameters, of.runs, known)
         };
         if let Some(key) = parameters.keys().find(|k| Coefficient::find(k).is_none()) {
             return Err(bad(format!("`{key}` is no coefficient")));
@@ -196,6 +239,8 @@ impl Fitted {
         Ok(Fitted {
             source: source.to_owned(),
             rows,
+            order,
+            covariance,
             mass_kg: None,
             gravity_mps2: None,
             runs,

@@ -4,6 +4,7 @@
 //! dimension  powers of mass, length and time    prime    units of the systems I, II and bis
 //! froude     the same hull at another size      regime   Reynolds, Froude and Keulegan-Carpenter numbers
 //! fitted     a rig or a result as rows          table    rows converted; CSV, LaTeX and text of them
+//! compared   two of them, difference by difference
 //! ```
 //!
 //! ```
@@ -21,6 +22,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+pub mod compared;
 pub mod dimension;
 pub mod fitted;
 pub mod froude;
@@ -28,6 +30,7 @@ pub mod prime;
 pub mod regime;
 pub mod table;
 
+pub use compared::{Compared, ComparedRow, Together};
 pub use dimension::Dimension;
 pub use fitted::{Fitted, FittedError, Row};
 pub use prime::{Particulars, Prime, PrimeError, Units};

@@ -46,6 +46,7 @@ mod opening;
 mod picture;
 mod refined;
 mod screen;
+pub use screen::at_start;
 mod smoothed;
 
 use gaps::Gaps;

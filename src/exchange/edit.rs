@@ -326,10 +326,23 @@ fn keys(rig: &Rig) -> Vec<(String, toml::Value)> {
 
 /// Keys in which two rigs differ, in the order of the first, then what only the second has.
 pub fn differences(first: &Rig, second: &Rig) -> Vec<Difference> {
-    let (a, b) = (keys(first), keys(second));
+    between(&keys(first), &keys(second))
+}
+
+/// The same of two tables of any kind.
+pub fn table_differences(first: &toml::Table, second: &toml::Table) -> Vec<Difference> {
+    let keys = |table: &toml::Table| {
+        let mut all = Vec::new();
+        flat("", &toml::Value::Table(table.clone()), &mut all);
+        all
+    };
+    between(&keys(first), &keys(second))
+}
+
+fn between(a: &[(String, toml::Value)], b: &[(String, toml::Value)]) -> Vec<Difference> {
     let number = |v: &toml::Value| v.as_float().or(v.as_integer().map(|i| i as f64));
     let mut made = Vec::new();
-    for (key, value) in &a {
+    for (key, value) in a {
         let other = b.iter().find(|(k, _)| k == key).map(|(_, v)| v);
         if other == Some(value) {
             continue;

@@ -18,6 +18,7 @@ mod packed;
 mod packed_file;
 mod protobuf;
 mod ros;
+mod single;
 mod stamps;
 pub(crate) mod table;
 mod telemetry;
@@ -44,6 +45,7 @@ use message::{Account, Sink};
 pub use message::{RecordedError, Unreadable};
 pub(crate) use packed_file::Packing;
 use packed_file::{Unpacked, unpacked_name};
+pub use single::{MessageDecoder, MessageFields};
 
 /// Name of what is broken in the file itself, in [`Unreadable::what`].
 pub(crate) const DAMAGED: &str = "damaged records";

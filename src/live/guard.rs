@@ -118,12 +118,16 @@ pub enum Refusal {
     Session,
     #[error("only GET, and POST /stop")]
     Method,
+    #[error("only GET: nothing is changed from here")]
+    OnlyGet,
     #[error("no request here has a body")]
     Body,
     #[error(
         "there is /, /state, /picture, /metrics, /foxglove, /foxglove-layout.json and POST /stop"
     )]
     Unknown,
+    #[error("there is no such thing here: load the page / again")]
+    Nothing,
 }
 
 impl Refusal {
@@ -133,8 +137,8 @@ impl Refusal {
             Refusal::Host => 421,
             Refusal::Token => 401,
             Refusal::OtherSite | Refusal::Session => 403,
-            Refusal::Unknown => 404,
-            Refusal::Method => 405,
+            Refusal::Unknown | Refusal::Nothing => 404,
+            Refusal::Method | Refusal::OnlyGet => 405,
             Refusal::Body => 413,
             Refusal::Guesses => 429,
         }
@@ -177,15 +181,7 @@ impl Guard {
     /// # Errors
     /// [`Refusal`]; without the right token nothing else about the request is reported.
     pub fn check(&self, asked: &Asked<'_>) -> Result<Route, Refusal> {
-        let host = asked.host.text().ok_or(Refusal::Host)?;
-        // A target that names a computer goes before the header (RFC 9112, 3.2.2): both have to be this one.
-        let named = asked.authority.unwrap_or(host);
-        if !self.is_this_computer(host) || !self.is_this_computer(named) {
-            return Err(Refusal::Host);
-        }
-        if !self.opens(asked) {
-            return Err(Refusal::Token);
-        }
+        let named = self.entered(asked)?;
         let route = route(asked);
         let from_viewer = route == Ok(Route::Foxglove) && self.is_viewer(asked);
         if !from_viewer && !same_site(asked, named) {
@@ -199,6 +195,38 @@ impl Guard {
             return Err(Refusal::Session);
         }
         Ok(route)
+    }
+
+    /// Whether a request may look at a page that only shows: one by which nothing can be changed, whatever it asks for.
+    ///
+    /// # Errors
+    /// As [`Guard::check`].
+    pub fn look(&self, asked: &Asked<'_>) -> Result<(), Refusal> {
+        let named = self.entered(asked)?;
+        if !same_site(asked, named) {
+            return Err(Refusal::OtherSite);
+        }
+        if asked.method != "GET" {
+            return Err(Refusal::OnlyGet);
+        }
+        match asked.has_body {
+            true => Err(Refusal::Body),
+            false => Ok(()),
+        }
+    }
+
+    /// The name by which this computer is asked, where it is one of its own and the token is right.
+    fn entered<'a>(&self, asked: &Asked<'a>) -> Result<&'a str, Refusal> {
+        let host = asked.host.text().ok_or(Refusal::Host)?;
+        // A target that names a computer goes before the header (RFC 9112, 3.2.2): both have to be this one.
+        let named = asked.authority.unwrap_or(host);
+        if !self.is_this_computer(host) || !self.is_this_computer(named) {
+            return Err(Refusal::Host);
+        }
+        match self.opens(asked) {
+            true => Ok(named),
+            false => Err(Refusal::Token),
+        }
     }
 
     /// Whether the request has the session's key: then its page was opened before.

@@ -12,6 +12,7 @@
 //! token     secrets and their comparison
 //! metrics   the state for Prometheus
 //! page      one HTML file, everything in it
+//! site      another page that only shows        server/site    the same guard and server for it
 //! foxglove  the run as the log's topics, for Foxglove viewers (feature `server`)
 //! ```
 //!
@@ -40,12 +41,15 @@ pub mod feed;
 pub mod foxglove;
 pub mod guard;
 pub mod guesses;
+#[cfg(feature = "server")]
+pub mod jpeg;
 pub mod metrics;
 pub mod page;
 pub mod picture;
 pub mod places;
 #[cfg(feature = "server")]
 pub mod server;
+pub mod site;
 pub mod state;
 pub mod token;
 
@@ -54,5 +58,6 @@ pub use feed::Feed;
 pub use picture::Picture;
 #[cfg(feature = "server")]
 pub use server::Server;
+pub use site::{Reply, Site};
 pub use state::State;
 pub use token::Token;

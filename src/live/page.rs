@@ -22,17 +22,29 @@ pub struct Page {
     pub policy: String,
 }
 
-/// The page of a session, with a nonce of its own.
+/// The live page of a session, with a nonce of its own.
 pub fn page(guard: &Guard) -> io::Result<Page> {
+    filled(guard, HTML, STYLE, SCRIPT)
+}
+
+/// Another page in the live page's style, with its plots.
+///
+/// # Errors
+/// Where the kernel gives no randomness.
+pub fn another(guard: &Guard, html: &str, style: &str, script: &str) -> io::Result<Page> {
+    filled(guard, html, &[STYLE, style].concat(), script)
+}
+
+fn filled(guard: &Guard, html: &str, style: &str, script: &str) -> io::Result<Page> {
     let nonce = random_hex(16)?;
-    let html = HTML
+    let html = html
         .replace("{{nonce}}", &nonce)
         .replace("{{session}}", guard.session().text())
-        .replace("{{style}}", STYLE)
+        .replace("{{style}}", style)
         .replace("{{plot-style}}", PLOT_STYLE)
         .replace("{{plot-licence}}", PLOT_LICENCE)
         .replace("{{plot}}", PLOT)
-        .replace("{{script}}", SCRIPT);
+        .replace("{{script}}", script);
     let policy = format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src blob: data:; connect-src 'self'; \
          base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

@@ -5,13 +5,16 @@
 
 mod encoder;
 mod foxglove;
+mod gate;
 mod open;
 mod routes;
+mod site;
 mod stalled;
 
-use super::address::{LiveError, check_address};
+use super::address::{Flags, LIVE_FLAGS, LiveError, VIEW_FLAGS, check_address_of};
 use super::feed::Feed;
 use super::guard::Guard;
+use super::site::Site;
 use super::token::Token;
 use axum::Router;
 use hydroline_core::thread_class::{block_signals, step_back};
@@ -40,6 +43,8 @@ const HEAD_MAX: usize = 16 << 10;
 const FAREWELL: Duration = Duration::from_millis(300);
 /// Between two attempts to accept, where that failed.
 const AGAIN: Duration = Duration::from_millis(10);
+/// Threads that read logs for a page: a picture need not wait for a plot.
+const READERS: usize = 3;
 /// Behind capture and thrusters, before extraction (10) and poses (19): a STOP must not wait for a picture.
 const NICENESS: i32 = 5;
 
@@ -62,14 +67,41 @@ impl Server {
         token: Option<Token>,
         feed: Arc<Feed>,
     ) -> Result<Self, LiveError> {
-        check_address(address, token.is_some())?;
-        let listen = |source| LiveError::Listen { address, source };
+        let app = |guard, open| routes::router(feed, guard, open);
+        Self::serving(address, token, (LIVE_FLAGS, 1), app)
+    }
+
+    /// The same of a page that only shows.
+    ///
+    /// # Errors
+    /// As [`Server::start`].
+    pub fn showing(
+        address: SocketAddr,
+        token: Option<Token>,
+        site: Arc<dyn Site>,
+    ) -> Result<Self, LiveError> {
+        let app = |guard, _| site::router(site, guard);
+        Self::serving(address, token, (VIEW_FLAGS, READERS), app)
+    }
+
+    fn serving(
+        address: SocketAddr,
+        token: Option<Token>,
+        (flags, readers): (Flags, usize),
+        app: impl FnOnce(Guard, Open) -> Router,
+    ) -> Result<Self, LiveError> {
+        check_address_of(flags, address, token.is_some())?;
+        let listen = |source| LiveError::Listen {
+            flag: flags.listen,
+            address,
+            source,
+        };
         let hostname = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
         let guard = Guard::new(token.clone(), Token::random()?, &hostname);
         let (ending, heard) = watch::channel(false);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
-            .max_blocking_threads(1)
+            .max_blocking_threads(readers)
             .build()?;
         let listener = {
             let _inside = runtime.enter();
@@ -77,7 +109,7 @@ impl Server {
         };
         let bound = listener.local_addr().map_err(listen)?;
         let open = Open::default();
-        let app = routes::router(feed, guard, open.clone());
+        let app = app(guard, open.clone());
         let thread = std::thread::Builder::new()
             .name("live".to_owned())
             .spawn(move || {

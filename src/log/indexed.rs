@@ -24,11 +24,15 @@ use super::topic::Topic;
 use contents::Contents;
 
 mod contents;
+mod plain;
 pub(super) use contents::{declared_at_end, summary};
+pub use plain::{ChannelEntry, PlainMessage};
 
 /// A record that holds messages: a chunk, or a message by itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
+    /// First and last time of logging of its messages \[ns\].
+    span_ns: (u64, u64),
     offset: u64,
     /// Bytes of the record with its prefix; `None` = not known.
     bytes: Option<u64>,

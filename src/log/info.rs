@@ -10,6 +10,10 @@ use serde::Serialize;
 use super::LogError;
 use super::part::MetadataMap;
 use super::scan::{self, Step};
+use brief::is_brief;
+
+mod brief;
+pub use brief::Brief;
 
 /// Ending of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
@@ -165,61 +169,99 @@ pub(crate) fn utc(unix_ns: u64) -> String {
     humantime::format_rfc3339_millis(time).to_string()
 }
 
-impl fmt::Display for Info {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut f = Lines(f);
-        writeln!(f, "{}", self.path.display())?;
-        writeln!(f, "  written by   {}", self.library)?;
+impl Info {
+    fn head(&self) -> Vec<String> {
+        let mut lines = vec![
+            self.path.display().to_string(),
+            format!("  written by   {}", self.library),
+        ];
         if !self.profile.is_empty() {
-            writeln!(f, "  profile      {}", self.profile)?;
+            lines.push(format!("  profile      {}", self.profile));
         }
-        writeln!(
-            f,
+        lines.push(format!(
             "  size         {:.3} MB in {} chunks",
             self.bytes as f64 / 1e6,
             self.chunks
-        )?;
-        writeln!(
-            f,
+        ));
+        lines.push(format!(
             "  duration     {:.3} s from {} ns (UNIX) = {}",
             self.duration_s, self.start_ns, self.start_utc
-        )?;
+        ));
         let damage = match self.damage.len() {
             0 => String::new(),
             n => format!(
-                ", and {n} place(s) of damage, listed at the end: messages there are not counted"
+                ", and {n} place(s) of damage, listed below: messages there are not counted"
             ),
         };
-        writeln!(f, "  messages     {}{damage}", self.messages)?;
+        lines.push(format!("  messages     {}{damage}", self.messages));
         let ending = match self.ending {
             Ending::Clean => "clean",
             Ending::Stopped => "whole, but the recording was stopped (see summary)",
             Ending::Whole => "whole",
             Ending::Cut => "CUT: the writer did not get to the end; see `hydroline doctor`",
         };
-        writeln!(f, "  end          {ending}")?;
+        lines.push(format!("  end          {ending}"));
+        lines
+    }
+
+    fn topic_lines(&self) -> Vec<String> {
         let wide = self.topics.iter().map(|t| t.topic.len()).max().unwrap_or(0);
-        for t in &self.topics {
+        let line = |t: &TopicInfo| {
             let rate = t
                 .rate_hz
                 .map_or_else(|| "-".to_owned(), |r| format!("{r:.2}/s"));
-            writeln!(
-                f,
+            format!(
                 "  {:wide$}  {:>8}  {rate:>10}  {} [{}]",
                 t.topic, t.messages, t.schema, t.encoding
-            )?;
-        }
+            )
+        };
+        self.topics.iter().map(line).collect()
+    }
+
+    fn damage_lines(&self) -> Vec<String> {
+        let line =
+            |(offset, damage): &(u64, String)| format!("  DAMAGE at byte {offset}: {damage}");
+        self.damage.iter().map(line).collect()
+    }
+
+    /// Metadata by name; `all` = with what only the long form has.
+    fn metadata_lines(&self, all: bool) -> Vec<String> {
+        let mut lines = Vec::new();
         for (name, map) in &self.metadata {
-            writeln!(f, "  metadata `{name}`")?;
-            for (key, value) in map {
-                match value.lines().count() {
-                    0 | 1 => writeln!(f, "    {key} = {value}")?,
-                    lines => writeln!(f, "    {key}: {lines} lines")?,
-                }
+            let kept: Vec<String> = (map.iter())
+                .filter(|(key, value)| all || is_brief(key, value))
+                .map(|(key, value)| match value.lines().count() {
+                    0 | 1 => format!("    {key} = {}", shown(value)),
+                    lines => format!("    {key}: {lines} lines"),
+                })
+                .collect();
+            if all || !kept.is_empty() {
+                lines.push(format!("  metadata `{name}`"));
+                lines.extend(kept);
             }
         }
-        for (offset, damage) in &self.damage {
-            writeln!(f, "  DAMAGE at byte {offset}: {damage}")?;
+        lines
+    }
+}
+
+/// A value; a number that begins with zeros alone by its exponent.
+fn shown(value: &str) -> String {
+    let number = value.parse::<f64>().ok();
+    let small = number.filter(|v| *v != 0.0 && v.abs() < 1e-4 && value.starts_with(['0', '-']));
+    small.map_or_else(|| value.to_owned(), |v| format!("{v:e}"))
+}
+
+impl fmt::Display for Info {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut f = Lines(f);
+        let lines = [
+            self.head(),
+            self.topic_lines(),
+            self.metadata_lines(true),
+            self.damage_lines(),
+        ];
+        for line in lines.concat() {
+            writeln!(f, "{line}")?;
         }
         Ok(())
     }

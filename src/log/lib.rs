@@ -67,7 +67,7 @@ pub use file_recorder::FileRecorder;
 pub use image_topics::{
     ImageTopic, ImageTopicError, holds_packed_images, image_damage, image_topic,
 };
-pub use indexed::{IndexedLog, Place};
+pub use indexed::{ChannelEntry, IndexedLog, Place, PlainMessage};
 pub use loss_account::{Counts, FrameLedger, LogOutcome, Misplaced, SummaryInput};
 pub use output::{FileOutput, LogOutput, NameLost, free_bytes};
 pub use part::{Encoding, MetadataMap};

@@ -5,6 +5,7 @@
 //! svg      shapes, text, a file               figure   panels with axes, drawn with svg
 //! page     head, style, sections, tables, lists, figures, written with markup
 //! quantity the unit that a quantity is shown in
+//! document sentences and tables, written once for a terminal and a page
 //! ```
 //!
 //! A report is one file: no script, no font, nothing fetched. Text reaches the output only through
@@ -26,6 +27,7 @@
 //! ```
 
 pub mod colour;
+pub mod document;
 pub mod figure;
 pub mod markup;
 pub mod number;
@@ -34,6 +36,7 @@ pub mod quantity;
 pub mod svg;
 
 pub use colour::Colour;
+pub use document::Document;
 pub use figure::{Axis, Cell, Figure, Panel, points};
 pub use number::significant;
 pub use page::{Body, Inline, Page, Table};

@@ -11,6 +11,7 @@ mod citations;
 mod cli_build_info;
 mod cli_errors;
 mod clock_set;
+mod compare;
 mod damaged_images;
 mod flat;
 mod formats;
@@ -42,6 +43,7 @@ mod third_party;
 mod time_limit;
 mod until_decided;
 mod verdict_json;
+mod view;
 mod words;
 
 #[path = "../support/http.rs"]

@@ -82,6 +82,8 @@ sessions! {
     logs_of_two_days_are_compared: "src/guide/campaign.md" "campaign", nothing, [];
     sealed_cases_are_proved nightly "nine cases, twenty minutes together":
         "src/guide/validation.md" "prove", nothing, FEW;
+    finished_logs_are_shown: "src/guide/view.md" "look", nothing, [ENDED];
+    two_rigs_are_compared: "src/guide/view.md" "compare", nothing, [];
     the_service_s_files_are_installed: "src/guide/service.md" "install", bring_a_rig_and_a_calibration, INTO_A_FOLDER;
 }
 
@@ -89,6 +91,13 @@ sessions! {
 const NO_HANDS: Substitution = Substitution {
     from: "hydroline aim --rig my-vehicle.toml",
     to: "hydroline aim --rig my-vehicle.toml --for 1s",
+    said: "Ctrl-C ends it",
+};
+
+/// The same of a page.
+const ENDED: Substitution = Substitution {
+    from: "hydroline view",
+    to: "timeout --preserve-status 3 hydroline view",
     said: "Ctrl-C ends it",
 };
 

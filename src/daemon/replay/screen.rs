@@ -18,7 +18,7 @@ pub(super) fn of(options: &Options, session: &MetadataMap) -> Option<Unhurried> 
 }
 
 /// The rig at the run's own start: a repeated run starts where the one before has left the vehicle.
-fn at_start(rig: &Rig, session: &MetadataMap) -> Rig {
+pub fn at_start(rig: &Rig, session: &MetadataMap) -> Rig {
     let mut rig = rig.clone();
     let stated = session.get("start_pose");
     let pose: Option<[f64; 6]> = stated.and_then(|text| serde_json::from_str(text).ok());

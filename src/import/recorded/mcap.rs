@@ -11,7 +11,8 @@ use super::ros::Layout;
 use super::{DAMAGED, json, protobuf, stamps};
 
 /// Decoder of a channel's messages.
-enum Decoder {
+#[derive(Debug)]
+pub(super) enum Decoder {
     Ros(Layout),
     Protobuf(MessageDescriptor),
     Json,
@@ -20,7 +21,7 @@ enum Decoder {
 }
 
 impl Decoder {
-    fn of(encoding: &str, schema: &RawSchema<'_>) -> Decoder {
+    pub fn of(encoding: &str, schema: &RawSchema<'_>) -> Decoder {
         let ready = match (encoding, schema.encoding) {
             ("cdr", "ros2msg") => {
                 let text = std::str::from_utf8(schema.data)
@@ -51,7 +52,15 @@ impl Decoder {
         ready.unwrap_or_else(Decoder::None)
     }
 
-    fn decode(&self, data: &[u8], leaves: &mut Leaves) -> Result<(), String> {
+    /// Reason why none is decoded.
+    pub fn refusal(&self) -> Option<&str> {
+        match self {
+            Decoder::None(why) => Some(why),
+            _ => None,
+        }
+    }
+
+    pub fn decode(&self, data: &[u8], leaves: &mut Leaves) -> Result<(), String> {
         match self {
             Decoder::Ros(layout) => layout.decode(data, leaves),
             Decoder::Protobuf(descriptor) => protobuf::decode(descriptor, data, leaves),

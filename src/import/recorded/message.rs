@@ -30,6 +30,15 @@ impl Number {
         }
     }
 
+    /// The nearest double.
+    pub fn as_f64(self) -> f64 {
+        match self {
+            Number::Int(v) => v as f64,
+            Number::UInt(v) => v as f64,
+            Number::Float(v) => v,
+        }
+    }
+
     pub fn is_finite(self) -> bool {
         match self {
             Number::Float(v) => v.is_finite(),

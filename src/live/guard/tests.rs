@@ -408,3 +408,67 @@ fn a_foxglove_viewer_is_a_known_one_or_has_the_token() {
         assert!(answer.is_err(), "{path}: {answer:?}");
     }
 }
+
+/// A page that only shows has the same guard: whoever may not see the live page sees no log either.
+#[test]
+fn what_only_shows_is_looked_at_by_the_same_rules() {
+    let guard = loopback();
+    let look = |asked: Asked<'_>| guard.look(&asked);
+    for (path, query) in [("/", ""), ("/frame", "log=0&t=1"), ("/anything", "")] {
+        assert_eq!(look(get(path, query)), Ok(()), "{path}");
+        let asked = |host| Asked {
+            host: Header::Once(host),
+            ..get(path, query)
+        };
+        assert_eq!(look(asked("evil.example")), Err(Refusal::Host));
+        let other = Asked {
+            origin: Header::Once("http://evil.example"),
+            ..get(path, query)
+        };
+        assert_eq!(look(other), Err(Refusal::OtherSite));
+        for method in ["POST", "HEAD", "DELETE", "get"] {
+            let asked = Asked {
+                method,
+                ..get(path, query)
+            };
+            assert_eq!(look(asked), Err(Refusal::OnlyGet), "{method}");
+        }
+        let body = Asked {
+            has_body: true,
+            ..get(path, query)
+        };
+        assert_eq!(look(body), Err(Refusal::Body));
+    }
+    // Foxglove's app may see a run; nothing was asked of it here.
+    assert_eq!(
+        look(viewer("https://app.foxglove.dev", "")),
+        Err(Refusal::OtherSite)
+    );
+    assert_eq!(closed().look(&get("/frame", "")), Err(Refusal::Token));
+    let with = get("/frame", "token=a-token-for-tests-0123");
+    assert_eq!(closed().look(&with), Ok(()));
+}
+
+proptest! {
+    #[test]
+    fn whatever_is_sent_only_a_get_from_here_looks(
+        method in prop_oneof![Just("GET".to_owned()), ".*"], path in ".*", query in ".*",
+        authority in header(), host in header(), origin in header(), site in header(), mode in header(),
+        authorization in header(), has_body in any::<bool>(),
+    ) {
+        let asked = Asked {
+            method: &method, path: &path, query: &query, authority: authority.as_deref(),
+            host: of(&host), origin: of(&origin), fetch_site: of(&site), fetch_mode: of(&mode),
+            authorization: of(&authorization), session: Header::Absent, has_body,
+        };
+        for (guard, has_token) in [(loopback(), false), (closed(), true)] {
+            if guard.look(&asked).is_ok() {
+                prop_assert!(method == "GET" && !has_body && host.is_some());
+                let named = authority.as_deref().or(host.as_deref()).unwrap();
+                prop_assert!(origin.as_ref().is_none_or(|o| o.ends_with(named)));
+                let shown = authorization.iter().any(|a| a.contains(TOKEN)) || query.contains(TOKEN);
+                prop_assert!(!has_token || shown);
+            }
+        }
+    }
+}

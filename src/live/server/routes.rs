@@ -3,10 +3,11 @@
 use super::super::feed::{Feed, Numbered};
 use super::super::foxglove::layout;
 use super::super::guard::{Asked, Guard, Header, Refusal, Route, SESSION_HEADER};
-use super::super::guesses::{GUESS_EVERY, Guesses};
+use super::super::guesses::GUESS_EVERY;
 use super::super::{metrics, page};
 use super::encoder::Encoder;
 use super::foxglove;
+use super::gate::Gate;
 use super::open::{Connection, Open};
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -16,7 +17,7 @@ use axum::{Extension, Router};
 use bytes::Bytes;
 use hydroline_core::lock::Lock;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::watch;
 
 /// Longest wait for something newer; then the viewer asks again.
@@ -24,9 +25,8 @@ const NEWER_WITHIN: Duration = Duration::from_secs(1);
 
 pub(super) struct Shared {
     pub(super) feed: Arc<Feed>,
-    guard: Guard,
+    gate: Gate,
     open: Open,
-    guesses: Mutex<Guesses>,
     pub(super) encoder: Encoder,
     /// The newest state as JSON, written once for all viewers.
     json: Mutex<Option<(u64, Bytes)>>,
@@ -36,9 +36,8 @@ pub(super) struct Shared {
 pub(super) fn router(feed: Arc<Feed>, guard: Guard, open: Open) -> Router {
     let shared = Arc::new(Shared {
         feed,
-        guard,
+        gate: Gate::new(guard),
         open,
-        guesses: Mutex::default(),
         encoder: Encoder::default(),
         json: Mutex::new(None),
     });
@@ -50,7 +49,7 @@ async fn answer(
     Extension(connection): Extension<Connection>,
     request: Request,
 ) -> Response {
-    let checked = shared.check(&connection, &asked(&request));
+    let checked = (shared.gate).check(&connection, &asked(&request), Guard::check);
     // Where no place is left it is answered all the same, STOP before all, and then goes.
     let kept = checked.is_ok() && connection.keep();
     // Nothing below reads a body.
@@ -65,17 +64,22 @@ async fn answer(
         Ok(Route::Stop) => shared.stop(),
         Err(refusal) => refuse(refusal),
     };
+    close_unless(kept, &mut response);
+    protect(response.headers_mut());
+    response
+}
+
+/// Closes the connection behind an answer unless its place is kept.
+pub(super) fn close_unless(kept: bool, response: &mut Response) {
     if !kept {
         // Whatever else was sent behind it is not looked at.
         let close = HeaderValue::from_static("close");
         response.headers_mut().insert(header::CONNECTION, close);
     }
-    protect(response.headers_mut());
-    response
 }
 
 /// The head, as the guard reads it.
-fn asked(request: &Request) -> Asked<'_> {
+pub(super) fn asked(request: &Request) -> Asked<'_> {
     let headers = request.headers();
     let one = |name: &str| once(headers, name);
     let length = one("content-length");
@@ -105,7 +109,7 @@ fn once<'a>(headers: &'a HeaderMap, name: &str) -> Header<'a> {
 }
 
 /// Headers that every answer carries: it is not kept, not guessed at, not framed, not read by other sites.
-fn protect(headers: &mut HeaderMap) {
+pub(super) fn protect(headers: &mut HeaderMap) {
     for (name, value) in [
         ("cache-control", "no-store"),
         ("x-content-type-options", "nosniff"),
@@ -125,13 +129,16 @@ fn protect(headers: &mut HeaderMap) {
         .or_insert(policy);
 }
 
-fn refuse(refusal: Refusal) -> Response {
+pub(super) fn refuse(refusal: Refusal) -> Response {
     let status = StatusCode::from_u16(refusal.status()).unwrap_or(StatusCode::FORBIDDEN);
     let mut response = (status, format!("{refusal}\n")).into_response();
     let headers = response.headers_mut();
     match refusal {
         Refusal::Method => {
             headers.insert(header::ALLOW, HeaderValue::from_static("GET, POST"));
+        }
+        Refusal::OnlyGet => {
+            headers.insert(header::ALLOW, HeaderValue::from_static("GET"));
         }
         Refusal::Guesses => {
             let wait = HeaderValue::from(GUESS_EVERY.as_secs());
@@ -147,8 +154,21 @@ fn full() -> Response {
     (StatusCode::SERVICE_UNAVAILABLE, words).into_response()
 }
 
-fn typed(kind: &'static str, body: impl Into<Body>) -> Response {
+pub(super) fn typed(kind: &'static str, body: impl Into<Body>) -> Response {
     ([(header::CONTENT_TYPE, kind)], body.into()).into_response()
+}
+
+/// A page with its policy.
+pub(super) fn sent(page: std::io::Result<page::Page>) -> Response {
+    let Ok(page) = page else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let mut response = typed("text/html; charset=utf-8", page.html);
+    if let Ok(policy) = HeaderValue::from_str(&page.policy) {
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_SECURITY_POLICY, policy);
+    }
+    response
 }
 
 /// The newest value once it is newer than `after`; `None` when none came in time.
@@ -159,33 +179,8 @@ async fn newer<T>(from: &mut watch::Receiver<Numbered<T>>, after: u64) -> Option
 }
 
 impl Shared {
-    /// The guard's answer; a computer that guesses tokens does not learn whether its next one is right.
-    fn check(&self, connection: &Connection, asked: &Asked<'_>) -> Result<Route, Refusal> {
-        let guessing = !connection.is_kept() && !self.guard.has_key(asked);
-        let offered = self.guard.offered(asked).filter(|_| guessing);
-        let Some(offered) = offered else {
-            return self.guard.check(asked);
-        };
-        let (peer, now) = (connection.peer(), Instant::now());
-        self.guesses.held().admit(peer, offered, now)?;
-        let checked = self.guard.check(asked);
-        if checked == Err(Refusal::Token) {
-            self.guesses.held().wrong(peer, offered, now);
-        }
-        checked
-    }
-
     fn page(&self) -> Response {
-        let Ok(page) = page::page(&self.guard) else {
-            return StatusCode::INTERNAL_SERVER_ERROR.into_response();
-        };
-        let mut response = typed("text/html; charset=utf-8", page.html);
-        if let Ok(policy) = HeaderValue::from_str(&page.policy) {
-            response
-                .headers_mut()
-                .insert(header::CONTENT_SECURITY_POLICY, policy);
-        }
-        response
+        sent(page::page(self.gate.guard()))
     }
 
     async fn state(&self, after: u64) -> Response {

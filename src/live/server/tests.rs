@@ -429,6 +429,74 @@ fn the_end_of_the_server_is_no_wait() {
     assert!(TcpStream::connect(address).is_err());
 }
 
+/// A page that only shows, some of its answers slow or broken.
+struct Slow;
+
+impl Site for Slow {
+    fn page(&self, guard: &Guard) -> std::io::Result<crate::page::Page> {
+        crate::page::another(guard, "<p nonce=\"{{nonce}}\">shown", "", "")
+    }
+
+    fn answer(&self, path: &str, query: &str) -> Option<crate::Reply> {
+        match path {
+            "/slow" => std::thread::sleep(Duration::from_millis(800)),
+            "/broken" => panic!("a bug in a page's answer"),
+            "/saved" => {
+                let mut reply = crate::Reply::of("text/csv", query.as_bytes().to_vec());
+                reply.download = Some("run \"7\"\r\nX: y.csv".to_owned());
+                return Some(reply);
+            }
+            _ => return None,
+        }
+        Some(crate::Reply::words(404, "nothing there"))
+    }
+}
+
+#[test]
+fn a_page_that_only_shows_is_guarded_and_no_answer_waits_for_another() {
+    let here = "127.0.0.1:0".parse().unwrap();
+    let server = Server::showing(here, None, Arc::new(Slow)).unwrap();
+    let address = server.address();
+    let page = ask(address, "GET /", "");
+    assert!(page.status == 200 && page.text().ends_with("shown"));
+    assert!(
+        page.head
+            .contains("content-security-policy: default-src 'none'; script-src 'nonce-")
+    );
+    let slow = std::thread::spawn(move || ask(address, "GET /slow", "").status);
+    let began = Instant::now();
+    let saved = ask(address, "GET /saved?a=1", "");
+    assert!(began.elapsed() < Duration::from_millis(500), "it waited");
+    assert_eq!((saved.status, saved.text().as_str()), (200, "a=1"));
+    // A name ends no header.
+    assert!(
+        saved.head.contains("filename=\"run__7___x__y.csv\""),
+        "{}",
+        saved.head
+    );
+    assert!(
+        saved
+            .head
+            .contains("content-security-policy: default-src 'none'")
+    );
+    assert_eq!(slow.join().unwrap(), 404);
+    assert_eq!(ask(address, "GET /broken", "").status, 500);
+    assert_eq!(ask(address, "GET /nothing", "").status, 404);
+    assert_eq!(ask(address, "POST /saved", "").status, 405);
+    assert_eq!(
+        ask(address, "GET /saved", "Origin: http://evil.example\r\n").status,
+        403
+    );
+    let request = b"GET /saved HTTP/1.1\r\nHost: evil.example\r\n\r\n";
+    assert_eq!(exchange(address, request).unwrap().status, 421);
+    let open = "0.0.0.0:0".parse().unwrap();
+    let error = Server::showing(open, None, Arc::new(Slow)).unwrap_err();
+    assert!(
+        error.to_string().starts_with("--listen 0.0.0.0:0: "),
+        "{error}"
+    );
+}
+
 mod foxglove {
     use super::*;
     use tokio_tungstenite::tungstenite::client::IntoClientRequest;

@@ -215,6 +215,7 @@ pub(crate) fn summary(file: &File) -> Result<Option<Contents>, Damage> {
 
 fn place(chunk: records::ChunkIndexRecord) -> Place {
     Place {
+        span_ns: chunk.span_ns,
         offset: chunk.chunk_offset,
         bytes: Some(chunk.chunk_bytes),
         channels: chunk.message_indexes.into_keys().collect(),
@@ -271,23 +272,38 @@ fn between(file: &File, mut at: u64, end: u64) -> Result<bool, Damage> {
     Ok(at == end)
 }
 
+/// A place whose messages were met one by one.
+struct Counted {
+    offset: u64,
+    span_ns: (u64, u64),
+    messages: BTreeMap<u16, u64>,
+}
+
 /// The same by reading everything, and what is missing at the end.
 pub(super) fn scanned(
     path: &Path,
     mut scan: scan::FileScan,
 ) -> Result<(Contents, Option<LogError>), LogError> {
-    let mut counted: Vec<(u64, BTreeMap<u16, u64>)> = Vec::new();
+    let mut counted: Vec<Counted> = Vec::new();
     let mut end_missing = None;
     while let Some(step) = scan.next() {
         match step {
             Step::Message {
-                offset, channel, ..
+                offset,
+                channel,
+                message,
             } => {
-                if counted.last().is_none_or(|(last, _)| *last != offset) {
-                    counted.push((offset, BTreeMap::new()));
+                if counted.last().is_none_or(|last| last.offset != offset) {
+                    counted.push(Counted {
+                        offset,
+                        span_ns: (u64::MAX, 0),
+                        messages: BTreeMap::new(),
+                    });
                 }
-                if let Some((_, messages)) = counted.last_mut() {
-                    *messages.entry(channel.id).or_default() += 1;
+                if let Some(last) = counted.last_mut() {
+                    *last.messages.entry(channel.id).or_default() += 1;
+                    let (from, to) = last.span_ns;
+                    last.span_ns = (from.min(message.log_ns), to.max(message.log_ns));
                 }
             }
             Step::Damage { offset, damage } => {
@@ -301,15 +317,16 @@ pub(super) fn scanned(
         }
     }
     let mut messages: BTreeMap<u16, u64> = BTreeMap::new();
-    for (channel, n) in counted.iter().flat_map(|(_, counts)| counts) {
+    for (channel, n) in counted.iter().flat_map(|place| &place.messages) {
         *messages.entry(*channel).or_default() += n;
     }
-    let places = counted.into_iter().map(|(offset, messages)| Place {
-        offset,
+    let places = counted.into_iter().map(|place| Place {
+        span_ns: place.span_ns,
+        offset: place.offset,
         bytes: None,
-        channels: messages.keys().copied().collect(),
+        channels: place.messages.keys().copied().collect(),
         index_bytes: 0,
-        messages: messages.into(),
+        messages: place.messages.into(),
     });
     let contents = Contents {
         declared: scan.learnt.declared,

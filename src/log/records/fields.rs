@@ -236,6 +236,8 @@ pub(crate) fn footer_summary_start(body: &Bytes) -> Result<u64, Damage> {
 /// Index of a chunk in the summary.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct ChunkIndexRecord {
+    /// First and last time of logging in it \[ns\].
+    pub span_ns: (u64, u64),
     pub chunk_offset: u64,
     pub chunk_bytes: u64,
     /// Offset of each channel's message index in the file: behind the chunk.
@@ -246,10 +248,11 @@ pub(crate) struct ChunkIndexRecord {
 
 pub(crate) fn chunk_index(body: &Bytes) -> Result<ChunkIndexRecord, Damage> {
     let mut f = fields(op::CHUNK_INDEX, body);
-    let (_start_ns, _end_ns) = (f.u64("start time")?, f.u64("end time")?);
+    let span_ns = (f.u64("start time")?, f.u64("end time")?);
     let (chunk_offset, chunk_bytes) = (f.u64("chunk offset")?, f.u64("chunk length")?);
     let message_indexes = f.by_channel("message index offsets")?;
     Ok(ChunkIndexRecord {
+        span_ns,
         chunk_offset,
         chunk_bytes,
         message_indexes,
