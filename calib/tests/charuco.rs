@@ -25,6 +25,8 @@ struct Totals {
     found: usize,
     /// Of those found, whose markers said which corner is which.
     identified: usize,
+    /// Whose markers did not, although the picture is in focus.
+    unread: usize,
     corners: usize,
     /// Off, or under another index than their own.
     wrong: usize,
@@ -79,6 +81,8 @@ fn run(seeds: impl Iterator<Item = u64>, out: Option<&Path>) -> Totals {
             }
             Ok(found) => {
                 totals.found += usize::from(counts);
+                let sharp = picture.difficulty != "defocused";
+                totals.unread += usize::from(counts && sharp);
                 write!(line, "{} found, markers not read", found.nodes.len()).unwrap();
             }
             Err(why) => write!(line, "{}{why}", if counts { "MISSED: " } else { "" }).unwrap(),
@@ -138,7 +142,8 @@ fn a_hundred_pictures() {
         from..from + number("CHARUCO", 100),
         out.as_deref().map(Path::new),
     );
-    assert!(totals.identified * 100 >= totals.asked * 95 && totals.wrong == 0);
+    assert!(totals.found * 100 >= totals.asked * 95);
+    assert_eq!((totals.wrong, totals.unread), (0, 0));
 }
 
 #[test]

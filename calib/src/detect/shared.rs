@@ -5,7 +5,8 @@
 //! straight line are kept unless the board speaks against them: images of a linear camera at rest are fitted as if
 //! there were neither.
 //!
-//! Both blurs first: a moved hand draws one family of rims out to ramps several pixels wide. Under one blur for both, a
+//! The curve first, with both blurs free beside it: what a steep curve leaves would pass for motion, but motion for no
+//! curve. A moved hand draws one family of rims out to ramps several pixels wide. Under one blur for both, a
 //! robust fit takes either end of such a ramp for outliers, and the node lies half a ramp off without a sign of it.
 
 use std::collections::HashMap;
@@ -53,8 +54,8 @@ pub(super) fn settle(refiner: &mut Refiner<'_>, places: &[Place]) -> Known {
     let [along, across] = refiner.blur_px.map(f64::ln);
     let mut log = Vector4::new(0.0, USUAL_EPSILON.ln(), along, across);
     let round = look(refiner, places, &log);
-    let round = descend(refiner, places, round, &mut log, &MOTION);
-    descend(refiner, places, round, &mut log, &CURVE).fits
+    let round = descend(refiner, places, round, &mut log, &CURVE);
+    descend(refiner, places, round, &mut log, &MOTION).fits
 }
 
 /// A question to the board: numbers that are free, the one combination of them that must matter, and from where on it
