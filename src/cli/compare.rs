@@ -220,6 +220,27 @@ fn document(p: &Printed) -> Document {
     document.words(
         "In sds: for independent errors of A and B. At least: by the largest sd that the difference can have, whatever errors both share.",
     );
+    let undetermined = |row: &ComparedRow| {
+        (!row.undetermined.is_empty())
+            .then(|| format!("{} (by {})", row.symbol, row.undetermined.join(" and ")))
+    };
+    let undetermined: Vec<String> = p
+        .coefficients
+        .rows
+        .iter()
+        .filter_map(undetermined)
+        .collect();
+    if !undetermined.is_empty() {
+        document.words(format!(
+            "Not determined by the runs, so that what stands there is the prior's and the difference is not judged: {}.",
+            undetermined.join(", ")
+        ));
+    }
+    if p.coefficients.both_beside_prior {
+        document.words(
+            "Both were fitted beside a rig's numbers as prior: where it was the same, differences are drawn together; `identify --flat-priors` leaves it out.",
+        );
+    }
     if !p.coefficients.runs_in_both.is_empty() {
         document.warning(format!(
             "runs of the same name stand in both ({}): if they are the same, the errors are not independent, and how they hang together is not known",
@@ -248,7 +269,7 @@ fn document(p: &Printed) -> Document {
 fn lead(compared: &Compared) -> String {
     let judged = compared.judged();
     if judged == 0 {
-        return "No difference can be judged: no coefficient has an uncertainty on both sides."
+        return "No difference can be judged: no coefficient has an uncertainty by runs on both sides."
             .to_owned();
     }
     let named: Vec<&str> = compared.beyond(NAMED_SDS).map(|r| r.symbol).collect();

@@ -42,6 +42,9 @@ pub struct ComparedRow {
     pub first: Option<Side>,
     /// B.
     pub second: Option<Side>,
+    /// Sides whose runs do not determine it: a value there is the prior's, and the difference is not judged.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub undetermined: Vec<&'static str>,
     /// B less A.
     pub difference: Option<f64>,
     /// Standard deviation of the difference where the errors of both are independent.
@@ -52,7 +55,7 @@ pub struct ComparedRow {
     pub sds_at_least: Option<f64>,
 }
 
-/// All coefficients whose covariance is known on both sides, as one difference; for independent errors.
+/// All coefficients that both determine, and whose covariance is known on both sides, as one difference; for independent errors.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Together {
     /// Keys of these coefficients.
@@ -70,6 +73,8 @@ pub struct Compared {
     pub rows: Vec<ComparedRow>,
     /// All at once; `None` = a covariance is missing.
     pub together: Option<Together>,
+    /// Both were fitted beside a prior: where it was the same, it draws them together.
+    pub both_beside_prior: bool,
     /// Names of runs that stand in both: if they are the same runs, the errors are not independent.
     pub runs_in_both: Vec<String>,
 }
@@ -79,7 +84,7 @@ impl Compared {
     pub fn of(first: &Fitted, second: &Fitted) -> Self {
         let rows = (hydroline_rigs::Dof::ALL.into_iter())
             .flat_map(Coefficient::of)
-            .filter_map(|c| row(c, side(first, c), side(second, c)));
+            .filter_map(|c| row(c, [first, second]));
         let names = |f: &Fitted| -> Vec<String> { f.runs.iter().map(|r| r.0.clone()).collect() };
         let others = names(second);
         let mut runs_in_both = names(first);
@@ -87,6 +92,7 @@ impl Compared {
         Self {
             rows: rows.collect(),
             together: together(first, second),
+            both_beside_prior: first.beside_prior && second.beside_prior,
             runs_in_both,
         }
     }
@@ -118,13 +124,18 @@ fn side(fitted: &Fitted, coefficient: Coefficient) -> Option<Side> {
     })
 }
 
-fn row(c: Coefficient, first: Option<Side>, second: Option<Side>) -> Option<ComparedRow> {
+fn row(c: Coefficient, sides: [&Fitted; 2]) -> Option<ComparedRow> {
+    let [first, second] = sides.map(|fitted| side(fitted, c));
     if first.is_none() && second.is_none() {
         return None;
     }
     let both = first.zip(second);
     let difference = both.map(|(a, b)| b.value - a.value);
-    let sds = both.and_then(|(a, b)| a.sd.zip(b.sd));
+    let named = ["A", "B"].into_iter().zip(sides);
+    let undetermined = named.filter(|(_, fitted)| fitted.undetermined.contains(&c));
+    let undetermined: Vec<&'static str> = undetermined.map(|(name, _)| name).collect();
+    let judged = both.filter(|_| undetermined.is_empty());
+    let sds = judged.and_then(|(a, b)| a.sd.zip(b.sd));
     let by = |sd: Option<f64>| {
         let (difference, sd) = difference.zip(sd)?;
         (sd > 0.0).then(|| difference / sd)
@@ -136,6 +147,7 @@ fn row(c: Coefficient, first: Option<Side>, second: Option<Side>) -> Option<Comp
         unit: c.unit(),
         first,
         second,
+        undetermined,
         difference,
         sd,
         sds: by(sd),
@@ -149,7 +161,9 @@ fn together(first: &Fitted, second: &Fitted) -> Option<Together> {
         let row = f.rows.iter().find(|r| r.coefficient == c);
         row.map(|r| r.value)
     };
+    let determined = |c: &&Coefficient| ![first, second].iter().any(|f| f.undetermined.contains(c));
     let shared: Vec<(Coefficient, usize, usize)> = (first.order.iter())
+        .filter(determined)
         .filter_map(|c| Some((*c, place(first, *c)?, place(second, *c)?)))
         .collect();
     let n = shared.len();
@@ -195,6 +209,8 @@ mod tests {
                 .map(|(key, _)| of(key))
                 .collect(),
             covariance,
+            undetermined: Vec::new(),
+            beside_prior: false,
             mass_kg: None,
             gravity_mps2: None,
             runs: vec![("day-1".to_owned(), Vec::new())],
@@ -229,6 +245,22 @@ mod tests {
         let compared = Compared::of(&a, &b);
         assert!(compared.rows.iter().all(|r| r.sds.unwrap().abs() < 1.0));
         assert!(compared.together.unwrap().probability < 1e-6);
+    }
+
+    #[test]
+    fn what_only_a_prior_says_is_not_judged() {
+        let c = vec![vec![4.0, 0.0], vec![0.0, 9.0]];
+        let mut a = fitted(&[("x_u", -20.0), ("y_v", -30.0)], c.clone());
+        let b = fitted(&[("x_u", -21.0), ("y_v", -30.0)], c);
+        a.undetermined = b.order[1..].to_vec();
+        let compared = Compared::of(&a, &b);
+        let y_v = compared.rows.iter().find(|r| r.key == "y_v").unwrap();
+        assert_eq!((y_v.difference, y_v.sds), (Some(0.0), None));
+        assert_eq!(
+            (y_v.undetermined.as_slice(), compared.judged()),
+            (&["A"][..], 1)
+        );
+        assert_eq!(compared.together.unwrap().keys, ["x_u"]);
     }
 
     proptest! {

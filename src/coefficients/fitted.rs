@@ -35,6 +35,10 @@ pub struct Fitted {
     pub order: Vec<Coefficient>,
     /// Covariance of them, SI: of the whole budget where one was made, else by the samples; empty = the source holds none.
     pub covariance: Vec<Vec<f64>>,
+    /// Coefficients that the runs of the source do not determine: what stands there is the prior's.
+    pub undetermined: Vec<Coefficient>,
+    /// The fit stood beside the rig's numbers as prior.
+    pub beside_prior: bool,
     /// Mass of the vehicle \[kg\], where the source says it.
     pub mass_kg: Option<f64>,
     /// Gravitational acceleration \[m/s2\], where the source says it.
@@ -67,6 +71,8 @@ struct Estimate {
     sd: Option<f64>,
     low: Option<f64>,
     high: Option<f64>,
+    /// Determined by the runs; `None` = the source does not say.
+    excited: Option<bool>,
 }
 
 #[derive(Deserialize)]
@@ -89,6 +95,8 @@ struct OfIdentify {
     parameters: BTreeMap<String, Estimate>,
     #[serde(default)]
     runs: Vec<OfRun>,
+    #[serde(default)]
+    flat_priors: Option<bool>,
     #[serde(default)]
     order: Vec<String>,
     #[serde(default)]
@@ -170,6 +178,8 @@ impl Fitted {
             rows: rows.collect(),
             order,
             covariance,
+            undetermined: Vec::new(),
+            beside_prior: false,
             mass_kg: Some(rig.vehicle.mass_kg),
             gravity_mps2: Some(rig.vehicle.gravity_mps2),
             runs: Vec::new(),
@@ -190,6 +200,7 @@ impl Fitted {
         let json: serde_json::Value =
             serde_json::from_str(text).map_err(|e| bad(format!("no JSON: {e}")))?;
         let is_verdict = json.get("verdict").is_some();
+        let mut beside_prior = false;
         let (source, parameters, runs, (order, covariance)) = if is_verdict {
             let of: OfDiagnose =
                 serde_json::from_value(json).map_err(|e| bad(format!("no verdict: {e}")))?;
@@ -200,6 +211,7 @@ impl Fitted {
             let of: OfIdentify =
                 serde_json::from_value(json).map_err(|e| bad(format!("no identification: {e}")))?;
             let known = of.covariance();
+            beside_prior = of.flat_priors == Some(false);
             ("identify", of.parameters, of.runs, known)
         };
         if let Some(key) = parameters.keys().find(|k| Coefficient::find(k).is_none()) {
@@ -221,6 +233,11 @@ impl Fitted {
         if rows.is_empty() {
             return Err(bad("no coefficient in `parameters`".to_owned()));
         }
+        let undetermined = all().filter(|c| {
+            let of = parameters.get(c.key());
+            of.is_some_and(|p| p.excited == Some(false))
+        });
+        let undetermined = undetermined.collect();
         let seen = |run: OfRun| {
             let by_dof = Dof::ALL
                 .into_iter()
@@ -241,6 +258,8 @@ impl Fitted {
             rows,
             order,
             covariance,
+            undetermined,
+            beside_prior,
             mass_kg: None,
             gravity_mps2: None,
             runs,

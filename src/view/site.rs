@@ -34,7 +34,7 @@ const STYLE: &str = include_str!("page/view.css");
 const SCRIPT: &str = include_str!("page/view.js");
 
 /// A request reads numbers for so long; then it answers with what there is.
-const READS_FOR: Duration = Duration::from_millis(80);
+const READS_FOR: Duration = Duration::from_millis(200);
 /// Fields of one request.
 const FIELDS_MAX: usize = 40;
 /// Widest plot; no screen is wider.
