@@ -9,7 +9,7 @@ frame with z down and the floor at 0, velocities in the body frame.
 >>> run = hydroline.simulate(rig=rig, plan="surge-4n", motion_only=True, out=folder / "first.mcap")
 >>> log = hydroline.read(run.log)
 >>> log.motion
-<hydroline.Table: ... rows, 24 columns>
+<hydroline.Table: ... rows, 30 columns>
 """
 
 from __future__ import annotations

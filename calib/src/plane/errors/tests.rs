@@ -46,7 +46,7 @@ fn the_displacements_have_the_covariance_of_the_parameters() {
                 .sum();
             let [at_a, at_b] = [a, b].map(|p| Known.parameter_slopes(p[0], p[1]).unwrap());
             let asked = at_a * Known.parameter_covariance() * at_b.transpose();
-            let off = (&asked - found).norm();
+            let off = (asked - found).norm();
             assert!(
                 off < 0.01 * asked.norm() + 1e-12,
                 "{a:?} {b:?}: {found} {asked}"
