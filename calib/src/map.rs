@@ -243,6 +243,9 @@ macro_rules! each {
     };
 }
 
+/// A sheet point (ξ, η) \[m\], and its motion with each parameter of a map.
+pub(crate) type PointAndSlopes = ([f64; 2], Matrix2xX<f64>);
+
 impl FittedMap {
     /// The method this map was fitted with.
     pub fn method(&self) -> Method {
@@ -268,18 +271,21 @@ impl FittedMap {
         each!(self, map => map.to_plane(column_px, row_px))
     }
 
-    /// See [`crate::plane::PlaneMap::parameter_slopes`].
-    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+    /// The sheet point (ξ, η) \[m\] seen at a pixel, and its [motion with each parameter](crate::plane::PlaneMap::parameter_slopes).
+    pub fn point_and_slopes(&self, column_px: f64, row_px: f64) -> Option<PointAndSlopes> {
         if !(column_px.is_finite() && row_px.is_finite()) {
             return None;
         }
         match self {
             // The paper's own methods: each cell has its own, and none is shared by all.
             #[cfg(feature = "lab")]
-            FittedMap::Grid(_) => Some(Matrix2xX::zeros(0)),
-            FittedMap::Homography(map) => map.parameter_slopes(column_px, row_px),
-            FittedMap::Refractive(map) => map.parameter_slopes(column_px, row_px),
-            FittedMap::Free(map) => map.parameter_slopes(column_px, row_px),
+            FittedMap::Grid(map) => {
+                let at = map.to_plane(column_px, row_px)?;
+                Some(([at.xi_m, at.eta_m], Matrix2xX::zeros(0)))
+            }
+            FittedMap::Homography(map) => map.point_and_slopes(column_px, row_px),
+            FittedMap::Refractive(map) => map.point_and_slopes(column_px, row_px),
+            FittedMap::Free(map) => map.point_and_slopes(column_px, row_px),
         }
     }
 

@@ -37,6 +37,7 @@ pub use super::photometric::OF_RUN;
 pub use bound::Light;
 pub use camera::{CameraResponse, ResponsePrior, ResponseSeen};
 use refine::Sheet;
+pub(crate) use result::total_covariance;
 pub use result::{JointPose, PoseCaveat, PoseFault};
 pub use seen::LightSeen;
 pub use speculative::Speculative;
@@ -94,6 +95,7 @@ pub struct Held {
 pub struct PoseFitter {
     model: Arc<Photometric>,
     bare: Arc<Photometric>,
+    map_errors: Arc<MapErrors>,
     map: Arc<dyn PlaneMap>,
     mounts: Mounts,
     heights_m: Vec<f64>,
@@ -115,14 +117,14 @@ impl PoseFitter {
         let heights_m = surfaces.heights_m();
         let table = Arc::new(SheetTable::new(map.as_ref(), &rig.camera, &rig.mounts));
         let map_errors = MapErrors::of(map.as_ref(), ImageSize::of(&rig.camera));
-        let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad)
-            .with_map_errors(Arc::new(map_errors));
+        let model = Photometric::new(surfaces, table, rig.camera.noise.blur_px, rig.laser.fan_rad);
         let stated = rig.camera.response.as_ref();
         let response_prior = ResponsePrior::of_rig(stated);
         let ceiling = stated.and_then(|s| s.ceiling_levels);
         PoseFitter {
             bare: Arc::new(model.bare()),
             model: Arc::new(model),
+            map_errors: Arc::new(map_errors),
             map,
             mounts: rig.mounts,
             heights_m,

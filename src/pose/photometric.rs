@@ -135,7 +135,7 @@ pub(super) struct Photometric {
     tan_half_fan: f64,
     /// Edge response where the blur is formed on the pixel grid.
     grid: Arc<Grid>,
-    /// Errors that all sights of the table share.
+    /// Errors that all sights of the table share, where their loadings are wanted.
     map_errors: Arc<MapErrors>,
 }
 
@@ -153,9 +153,12 @@ impl Photometric {
         }
     }
 
-    /// The same seen by a map that has these errors.
-    pub fn with_map_errors(self, map_errors: Arc<MapErrors>) -> Self {
-        Photometric { map_errors, ..self }
+    /// The same seen by a map that has these errors: comparisons then state what each of them changes.
+    pub fn with_map_errors(&self, map_errors: Arc<MapErrors>) -> Self {
+        Photometric {
+            map_errors,
+            ..self.clone()
+        }
     }
 
     /// The same light and target seen otherwise.

@@ -8,14 +8,16 @@
 
 use super::joint::{
     EDGES_ALIKE, EDGES_NOWHERE, EDGES_OFF, EDGES_SOUND, Hint, JointPose, MapLoadings, PoseCaveat,
-    PoseFault, PoseFitter, Speculative,
+    PoseFault, PoseFitter, Speculative, total_covariance,
 };
 use super::place::{Carried, Place};
+use super::smooth::Smoothed;
 use hydroline_calib::plane::PlaneMap;
 use hydroline_core::frame::GreyImage;
 use hydroline_log::messages::VehicleMotion;
 use hydroline_rigs::Rig;
 use hydroline_stripe::Profile;
+use nalgebra::Matrix6;
 use std::sync::Arc;
 
 /// Expected worse than this, a place on a target without repetitions is looked for anywhere \[m\].
@@ -239,22 +241,35 @@ fn settle_edges(fit: &mut JointPose, expected: &Carried, period_m: Option<f64>) 
 }
 
 /// Loadings as the format has them, without the errors that the map does not have; empty where it has none.
-pub fn shared_loadings(of: &MapLoadings) -> Vec<f64> {
-    let count = of
-        .column_iter()
-        .filter(|c| c.iter().any(|v| *v != 0.0))
-        .count();
+fn shared_loadings(of: &MapLoadings) -> Vec<f64> {
+    let is_there = |k: &usize| of.column(*k).iter().any(|v| *v != 0.0);
+    let count = (0..of.ncols()).rfind(is_there).map_or(0, |last| last + 1);
     let rows = (0..6).flat_map(|i| (0..count).map(move |k| of[(i, k)]));
     rows.collect()
 }
 
 /// The message of a pose: what was not measured stays out; its rows in the covariance are zero.
 pub fn motion_message(stamp_ns: u64, fit: &JointPose) -> VehicleMotion {
-    let eta = fit.pose.to_array();
-    let eta = std::array::from_fn(|i| fit.measured[i].then(|| eta[i]));
+    let pose = (fit.pose.to_array(), fit.measured);
+    message(stamp_ns, pose, (&fit.covariance, &fit.loadings))
+}
+
+/// The same of a smoothed frame.
+pub fn smoothed_message(frame: &Smoothed) -> VehicleMotion {
+    let pose = (frame.eta, frame.measured);
+    message(frame.stamp_ns, pose, (&frame.covariance, &frame.loadings))
+}
+
+fn message(
+    stamp_ns: u64,
+    (eta, measured): ([f64; 6], [bool; 6]),
+    (own, loadings): (&Matrix6<f64>, &MapLoadings),
+) -> VehicleMotion {
+    let eta = std::array::from_fn(|i| measured[i].then(|| eta[i]));
+    let total = total_covariance(own, loadings);
     VehicleMotion {
-        covariance: fit.total_covariance().transpose().iter().copied().collect(),
-        shared_loadings: shared_loadings(&fit.loadings),
+        covariance: total.transpose().iter().copied().collect(),
+        shared_loadings: shared_loadings(loadings),
         ..VehicleMotion::of_pose(stamp_ns, eta)
     }
 }

@@ -29,7 +29,8 @@ use std::io;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-const HTML: &str = include_str!("page/view.html");
+const TITLE: &str = "hydroline view";
+const BODY: &str = include_str!("page/view.html");
 const STYLE: &str = include_str!("page/view.css");
 const SCRIPT: &str = include_str!("page/view.js");
 
@@ -109,7 +110,7 @@ impl Failed {
 
 impl Site for LogSite {
     fn page(&self, guard: &Guard) -> io::Result<Page> {
-        page::another(guard, HTML, STYLE, SCRIPT)
+        page::another(guard, TITLE, BODY, STYLE, SCRIPT)
     }
 
     fn answer(&self, path: &str, query: &str) -> Option<Reply> {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Calibration, MapParameters, Medium, Residuals};
 use crate::board::coplanarity::Coplanarity;
-use crate::map::{FittedMap, Node};
+use crate::map::{FittedMap, Node, PointAndSlopes};
 use crate::plane::{ImageSize, PlaneMap, PlanePoint};
 
 /// So far inside of the outer line its derivatives are taken \[px\]: far beyond rounding (1e-12 px), far below any
@@ -93,13 +93,8 @@ impl Calibration {
                 (n + 1.0, sum + Vector2::new(node.column_px, node.row_px))
             });
         let middle_px: Vector2<f64> = sum / f64::max(n, 1.0);
-        // On the outer line itself rounding decides whether the map has an answer: asked a little further in, it has.
-        let jacobian = |at_px: Vector2<f64>| {
-            map.jacobian(at_px[0], at_px[1]).or_else(|| {
-                let inwards = (middle_px - at_px).try_normalize(0.0)? * BORDER_PX;
-                map.jacobian(at_px[0] + inwards[0], at_px[1] + inwards[1])
-            })
-        };
+        let jacobian =
+            |at_px| at_or_inside(at_px, middle_px, |column, row| map.jacobian(column, row));
         let residuals: Vec<NodeResidual> = nodes
             .iter()
             .filter_map(|n| {
@@ -158,6 +153,18 @@ pub(super) struct BoardMap {
     replaced: OnceLock<Matrix3xX<f64>>,
 }
 
+/// The answer at a pixel, or a little nearer to the middle: on the outer line itself rounding decides whether a map has one.
+fn at_or_inside<T>(
+    at_px: Vector2<f64>,
+    middle_px: Vector2<f64>,
+    answer: impl Fn(f64, f64) -> Option<T>,
+) -> Option<T> {
+    answer(at_px[0], at_px[1]).or_else(|| {
+        let inside = at_px + (middle_px - at_px).try_normalize(0.0)? * BORDER_PX;
+        answer(inside[0], inside[1])
+    })
+}
+
 /// Motion of a point with a rigid motion: shift along ξ, along η, turn.
 fn rigid([xi_m, eta_m]: [f64; 2]) -> Matrix2x3<f64> {
     Matrix2x3::new(1.0, 0.0, -eta_m, 0.0, 1.0, xi_m)
@@ -173,36 +180,33 @@ impl BoardMap {
         }
     }
 
-    /// Motion of the point seen at a pixel with each parameter, and the point, in the board's coordinates.
-    fn on_board(&self, column_px: f64, row_px: f64) -> Option<(Matrix2xX<f64>, [f64; 2])> {
-        let mut slopes = self.map.parameter_slopes(column_px, row_px)?;
-        let at = self.map.to_plane(column_px, row_px)?;
+    /// The point seen at a pixel, and its motion with each parameter, in the board's coordinates.
+    fn on_board(&self, column_px: f64, row_px: f64) -> Option<PointAndSlopes> {
+        let (at, mut slopes) = self.map.point_and_slopes(column_px, row_px)?;
         let Some(gap) = &self.calibration.coplanarity else {
-            return Some((slopes, [at.xi_m, at.eta_m]));
+            return Some((at, slopes));
         };
         // The gap's own share of what a point moves by is some thousandths.
         let from = slopes.ncols();
         slopes = slopes.resize_horizontally(from + GAP, 0.0);
         slopes
             .fixed_columns_mut::<GAP>(from)
-            .copy_from(&gap.slopes(at.xi_m, at.eta_m));
-        Some((slopes, gap.face_to_sheet(at.xi_m, at.eta_m)))
+            .copy_from(&gap.slopes(at[0], at[1]));
+        Some((gap.face_to_sheet(at[0], at[1]), slopes))
     }
 
     /// Change of the placement with each parameter: the nodes are brought back to where the rig sees them.
     fn replaced(&self) -> Matrix3xX<f64> {
         let count = self.parameter_covariance().nrows();
         let (mut square, mut pulled) = (Matrix3::zeros(), Matrix3xX::zeros(count));
-        for node in &self.calibration.nodes {
-            let pixel = self.map.to_image(node.xi_m, node.eta_m);
-            // Nodes at the region's border are seen a little inside of it.
-            let inside = |(column_px, row_px)| {
-                let tried = [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-                tried.into_iter().find_map(|by| {
-                    self.on_board(column_px + BORDER_PX * by[0], row_px + BORDER_PX * by[1])
-                })
-            };
-            if let Some((slopes, at)) = pixel.and_then(inside) {
+        let nodes = self.calibration.nodes.iter();
+        let pixels: Vec<Vector2<f64>> = nodes
+            .filter_map(|n| Some(<[f64; 2]>::from(self.map.to_image(n.xi_m, n.eta_m)?).into()))
+            .collect();
+        let middle_px = pixels.iter().sum::<Vector2<f64>>() / pixels.len().max(1) as f64;
+        for at_px in pixels {
+            let seen = at_or_inside(at_px, middle_px, |column, row| self.on_board(column, row));
+            if let Some((at, slopes)) = seen {
                 square += rigid(at).transpose() * rigid(at);
                 pulled += rigid(at).transpose() * slopes;
             }
@@ -232,7 +236,7 @@ impl PlaneMap for BoardMap {
     }
 
     fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
-        let (mut slopes, at) = self.on_board(column_px, row_px)?;
+        let (at, mut slopes) = self.on_board(column_px, row_px)?;
         if self.placement.is_by_rig {
             slopes += rigid(at) * self.replaced.get_or_init(|| self.replaced());
         }

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use super::bundle::SHARED;
 use super::camera::{CAMERA, Lens, MEDIUM, STEPS};
 use super::sheet::{CONE, LaserSurface, SHEET};
-use crate::map::Region;
 use crate::map::geometry::rows;
 use crate::map::refractive::Known;
+use crate::map::{PointAndSlopes, Region};
 use crate::plane::PlanePoint;
 
 /// A camera and a laser sheet, fitted together.
@@ -142,13 +142,13 @@ impl SheetMap {
         Some(by)
     }
 
-    /// See [`crate::plane::PlaneMap::parameter_slopes`].
-    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+    /// See [`crate::map::FittedMap::point_and_slopes`].
+    pub fn point_and_slopes(&self, column_px: f64, row_px: f64) -> Option<PointAndSlopes> {
         let pixel = Vector2::new(column_px, row_px);
         let (from, along) = self.lens.ray(&pixel)?;
         let at = self.coordinates(&self.sheet.meet(&from, &along)?);
         self.region.contains(at[0], at[1]).then_some(())?;
-        self.moved(&pixel)
+        Some((at.into(), self.moved(&pixel)?))
     }
 
     /// See [`crate::map::FittedMap::to_image`].

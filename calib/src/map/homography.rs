@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, Matrix2, Matrix2xX, SMatrix};
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{homography, rows, whitener};
-use super::{MapError, Node, Region};
+use super::{MapError, Node, PointAndSlopes, Region};
 use crate::plane::{ImageSize, PlanePoint};
 use fitting::Pair;
 use lens::PARAMETERS;
@@ -182,12 +182,13 @@ impl HomographyMap {
         Some((inverse, -(inverse * seen.by_parameters)))
     }
 
-    /// See [`crate::plane::PlaneMap::parameter_slopes`].
-    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+    /// See [`super::FittedMap::point_and_slopes`].
+    pub fn point_and_slopes(&self, column_px: f64, row_px: f64) -> Option<PointAndSlopes> {
         let [xi_m, eta_m] = self.invert(column_px, row_px)?;
         self.region.contains(xi_m, eta_m).then_some(())?;
         let (_, by) = self.moved(xi_m, eta_m)?;
-        Some(Matrix2xX::from_fn(PARAMETERS, |i, k| by[(i, k)]))
+        let slopes = Matrix2xX::from_fn(PARAMETERS, |i, k| by[(i, k)]);
+        Some(([xi_m, eta_m], slopes))
     }
 
     /// See [`crate::plane::PlaneMap::parameter_covariance`].

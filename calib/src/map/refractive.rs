@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::geometry::{apply, homography, rows, whitener};
 use super::homography::reweight;
 use super::lm::minimise;
-use super::{MapError, Node, Region};
+use super::{MapError, Node, PointAndSlopes, Region};
 use crate::plane::PlanePoint;
 
 /// rotation vector (3), translation \[m\] (3), f \[px\], k₁, k₂, port distance \[m\],
@@ -261,11 +261,11 @@ impl RefractiveMap {
         Some(g)
     }
 
-    /// See [`crate::plane::PlaneMap::parameter_slopes`].
-    pub fn parameter_slopes(&self, column_px: f64, row_px: f64) -> Option<Matrix2xX<f64>> {
+    /// See [`super::FittedMap::point_and_slopes`].
+    pub fn point_and_slopes(&self, column_px: f64, row_px: f64) -> Option<PointAndSlopes> {
         let [xi_m, eta_m] = self.rays().meet(column_px, row_px)?;
         self.region.contains(xi_m, eta_m).then_some(())?;
-        self.moved(column_px, row_px)
+        Some(([xi_m, eta_m], self.moved(column_px, row_px)?))
     }
 
     /// See [`crate::plane::PlaneMap::parameter_covariance`].

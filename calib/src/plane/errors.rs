@@ -39,8 +39,8 @@ impl MapErrors {
             .map(|[i, j]| {
                 let at = [i as f64 * step_px[0], j as f64 * step_px[1]];
                 let by = map.parameter_slopes(at[0], at[1])?;
-                (by.ncols() == root.nrows() && by.iter().all(|v| v.is_finite()))
-                    .then(|| Matrix2xX::from_columns(&columns(&(by * &root))))
+                let is_sound = by.ncols() == root.nrows() && by.iter().all(|v| v.is_finite());
+                is_sound.then(|| by * &root)
             })
             .collect();
         let count = root.ncols();
@@ -103,10 +103,6 @@ impl MapErrors {
 
 fn nodes() -> impl Iterator<Item = [usize; 2]> {
     (0..NODES).flat_map(|i| (0..NODES).map(move |j| [i, j]))
-}
-
-fn columns(of: &Matrix2xX<f64>) -> Vec<nalgebra::Vector2<f64>> {
-    of.column_iter().map(|c| c.into_owned()).collect()
 }
 
 /// R with R Rᵀ = Σ, by the eigenvectors of the correlations; what rounding leaves below zero is none.

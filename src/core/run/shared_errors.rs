@@ -29,21 +29,24 @@ impl SharedErrors {
         self.len() == 0
     }
 
-    /// What an error does to the pose next to a time: as none where that is not stated.
-    pub fn at(&self, error: usize, t_s: f64) -> [f64; 6] {
+    /// What each error does to the pose next to a time.
+    fn next_to(&self, t_s: f64) -> &[[f64; 6]] {
         let after = self.poses.partition_point(|p| p.t_s < t_s);
         let near = [after.checked_sub(1), Some(after)];
         let poses = near.into_iter().flatten().filter_map(|k| self.poses.get(k));
         poses
             .min_by(|a, b| (a.t_s - t_s).abs().total_cmp(&(b.t_s - t_s).abs()))
-            .and_then(|p| p.by.get(error).copied())
-            .unwrap_or_default()
+            .map_or(&[], |p| p.by.as_slice())
+    }
+
+    /// What an error does to the pose next to a time: as none where that is not stated.
+    pub fn at(&self, error: usize, t_s: f64) -> [f64; 6] {
+        self.next_to(t_s).get(error).copied().unwrap_or_default()
     }
 
     /// Variance of x, y, z \[m²\], φ, θ, ψ \[rad²\] by all of them, of the pose next to a time.
     pub fn variance_at(&self, t_s: f64) -> [f64; 6] {
-        let each = (0..self.len()).map(|error| self.at(error, t_s));
-        each.fold([0.0; 6], |sum, by| {
+        self.next_to(t_s).iter().fold([0.0; 6], |sum, by| {
             std::array::from_fn(|i| sum[i] + by[i] * by[i])
         })
     }

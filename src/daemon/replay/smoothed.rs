@@ -4,8 +4,8 @@ use super::{Analysed, BATCH, Options, ReplayError, commanded};
 use hydroline_core::frame::Frame;
 use hydroline_log::Record;
 use hydroline_log::messages::{pb::VehicleMotion, unix_ns};
-use hydroline_pose::run::{PoseRun, RunPose, shared_loadings};
-use hydroline_pose::smooth::{Dynamics, MeasuredFrame, Smoothed, smooth};
+use hydroline_pose::run::{PoseRun, RunPose, smoothed_message};
+use hydroline_pose::smooth::{Dynamics, MeasuredFrame, smooth};
 use hydroline_rigs::Rig;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -96,7 +96,10 @@ pub(super) fn bound(
         report.sd_single[i] = rms(single);
         report.sd_smoothed[i] = rms(smoothed.frames.iter().map(|f| f.covariance[(i, i)]));
     }
-    let motions = smoothed.frames.iter().map(|f| (f.stamp_ns, message(f)));
+    let motions = smoothed
+        .frames
+        .iter()
+        .map(|f| (f.stamp_ns, smoothed_message(f)));
     Ok((motions.collect(), report))
 }
 
@@ -137,16 +140,5 @@ fn measure(
                 _ => None,
             },
         });
-    }
-}
-
-fn message(frame: &Smoothed) -> VehicleMotion {
-    let eta = std::array::from_fn(|i| frame.measured[i].then(|| frame.eta[i]));
-    let by = frame.loadings.fixed_rows::<6>(0);
-    let total = frame.covariance + by * by.transpose();
-    VehicleMotion {
-        covariance: total.transpose().iter().copied().collect(),
-        shared_loadings: shared_loadings(&frame.loadings),
-        ..VehicleMotion::of_pose(frame.stamp_ns, eta)
     }
 }

@@ -104,12 +104,14 @@ impl PoseFitter {
             .ok_or(PoseFault::NotConverged)?;
         weighting.cut = CUT;
         weighting.redescending = true;
+        // Only what the fit ends with says how a pose hangs on the map.
+        let stating = model.with_map_errors(self.map_errors.clone());
         let mut again = self.plans();
         let (state, sums, edge_model_error) = loop {
             again -= 1;
             let plan = model.plan(&from, TO_FINISH);
             let mut converge =
-                |plan: &Plan, from: State, sums: &Sums, converged: f64, run_parameters| {
+                |model, plan: &Plan, from: State, sums: &Sums, converged: f64, run_parameters| {
                     weighting.run_parameters = run_parameters;
                     weighting.noise_sd = lit_noise(sums).unwrap_or(weighting.noise_sd).max(0.3);
                     let model_error = &mut EdgeModelError::found(&sums.edges, weighting.noise_sd);
@@ -129,8 +131,15 @@ impl PoseFitter {
                 };
             // All pixels of the edges, and how good the edges are by the way.
             let few = plan.thinned(FEW);
-            let (near, edges) = converge(&few, from, &sums, NEARLY, run_parameters)?;
-            let (state, all) = converge(&plan, near, &edges, CONVERGED, run_parameters_at_last)?;
+            let (near, edges) = converge(model, &few, from, &sums, NEARLY, run_parameters)?;
+            let (state, all) = converge(
+                &stating,
+                &plan,
+                near,
+                &edges,
+                CONVERGED,
+                run_parameters_at_last,
+            )?;
             let response_changed = response_changed(&near, &state, RESPONSE_CONVERGED);
             let moved = self.shift_m(&from.pose, &state.pose) > TO_FINISH.room_m;
             if again == 0 || !(moved || response_changed) {

@@ -84,6 +84,12 @@ pub struct JointPose {
     pub carried: Option<Carried>,
 }
 
+/// Covariance of a pose of its own error and of those that it shares.
+pub(crate) fn total_covariance(own: &Matrix6<f64>, loadings: &MapLoadings) -> Matrix6<f64> {
+    let by = loadings.fixed_rows::<6>(0);
+    own + by * by.transpose()
+}
+
 impl JointPose {
     /// Whether a caveat flags the pose: not to be used without looking at it.
     pub fn is_flagged(&self) -> bool {
@@ -105,8 +111,7 @@ impl JointPose {
 
     /// Covariance of (x, y, z, φ, θ, ψ) \[m², rad²\] with what all poses of this map share.
     pub fn total_covariance(&self) -> Matrix6<f64> {
-        let by = self.loadings.fixed_rows::<6>(0);
-        self.covariance + by * by.transpose()
+        total_covariance(&self.covariance, &self.loadings)
     }
 
     /// Scales what the pose states of its own uncertainty by a factor of its sds.

@@ -205,10 +205,24 @@ fn the_bound_is_that_of_an_independent_study() {
     assert!(sd(false, 3).to_degrees() < 6e-4 && sd(false, 5).to_degrees() < 0.012);
 }
 
+/// Where a fit ended.
+fn state_of(fit: &JointPose) -> State {
+    State {
+        pose: fit.pose,
+        brightness: fit.brightness,
+        thickness_m: fit.thickness_m,
+        background: fit.background,
+        tone: fit.tone,
+        black: fit.black,
+        across: fit.across,
+        uneven: fit.uneven,
+    }
+}
+
 /// The last step of a fit is taken without a look at where it leads: what was left after it.
 #[test]
 fn the_last_step_leaves_little() {
-    use super::super::photometric::{Choice, EdgeModelError, RunParameters, State, Weighting};
+    use super::super::photometric::{Choice, EdgeModelError, RunParameters, Weighting};
     let rig = lshpi_rig();
     let fitter = PoseFitter::new(&rig, Arc::new(IdealMap::of(&rig)));
     let mut left = Vec::new();
@@ -224,16 +238,7 @@ fn the_last_step_leaves_little() {
         };
         let image = frame(&rig, &truth);
         let fit = fitted(&rig, &image, Some(truth.x_m)).unwrap();
-        let state = State {
-            pose: fit.pose,
-            brightness: fit.brightness,
-            thickness_m: fit.thickness_m,
-            background: fit.background,
-            tone: fit.tone,
-            black: fit.black,
-            across: fit.across,
-            uneven: fit.uneven,
-        };
+        let state = state_of(&fit);
         let weighting = Weighting {
             noise_sd: fit.noise_sd,
             cut: finish::CUT,

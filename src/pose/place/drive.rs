@@ -1,11 +1,9 @@
 //! Thrust that was commanded, as the surge and sway acceleration that the rig's vehicle makes of it.
 
-use hydroline_rigs::Rig;
+use hydroline_rigs::{Dof, Rig};
 use hydroline_sim::Allocation;
 use hydroline_sim::vehicle::Hydrodynamics;
 
-/// Names of thrusters that are components of the wrench, where the rig has no thrusters of these names.
-const COMPONENTS: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// Commands older than this before the newest are forgotten \[ns\]: frames are fitted within seconds.
 const KEPT_NS: u64 = 120_000_000_000;
 
@@ -58,8 +56,9 @@ impl Drive {
             if let Some(made) = made {
                 self.wrench = made.to_array();
             }
-        } else if let Some(place) = COMPONENTS.iter().position(|name| *name == thruster) {
-            self.wrench[place] = thrust_n;
+        } else if let Some(dof) = Dof::ALL.iter().find(|d| d.name() == thruster) {
+            // A component of the wrench, where the rig has no thruster of this name.
+            self.wrench[dof.index()] = thrust_n;
         } else {
             return;
         }

@@ -1,23 +1,8 @@
-"use strict";
 (() => {
-  const $ = (id) => document.getElementById(id);
-  const session = document.querySelector("meta[name=session]").content;
-  const token = new URLSearchParams(location.search).get("token");
-  const headers = { "X-Hydroline-Session": session, ...(token ? { Authorization: "Bearer " + token } : {}) };
   const ask = async (path) => {
     const answer = await fetch(path, { headers, cache: "no-store", signal: AbortSignal.timeout(120000) });
     if (!answer.ok) throw new Error((await answer.text()).trim());
     return answer;
-  };
-  const pause = (ms) => new Promise((done) => setTimeout(done, ms));
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
-  const put = (id, text) => { const e = $(id); if (e.textContent !== text) e.textContent = text; };
-  const show = (id, is) => { $(id).hidden = !is; };
-  const make = (tag, cls, text) => {
-    const e = document.createElement(tag);
-    if (cls) e.className = cls;
-    if (text !== undefined) e.textContent = text;
-    return e;
   };
   const fixed = (v, digits) => v.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−");
   const number = (v) => {

@@ -83,6 +83,29 @@ fn eight_viewers_one_deaf_one_hostile_cost_nothing() {
     assert!(late_mb - early_mb <= 5.0, "{early_mb} -> {late_mb} MB");
 }
 
+/// What a script of `tests/recording` finds in a browser at an address, with further arguments; it fails where the script does.
+pub(crate) fn found_in_browser(
+    (python, chromium): (PathBuf, PathBuf),
+    script: &str,
+    address: impl std::fmt::Display,
+    further: &[&str],
+) -> serde_json::Value {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording");
+    let out = Command::new(python)
+        .arg(folder.join(script))
+        .arg(chromium)
+        .arg(format!("http://{address}/"))
+        .args(further)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{said}");
+    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    println!("browser: {found}");
+    assert_eq!(found["errors"], serde_json::json!([]), "{found}");
+    found
+}
+
 /// A Python with Playwright, and a Chromium; `None` where one is missing (the test is left out, aloud).
 pub(crate) fn browser() -> Option<(PathBuf, PathBuf)> {
     let python: PathBuf = std::env::var_os("HYDROLINE_PYTHON")
@@ -111,23 +134,12 @@ pub(crate) fn browser() -> Option<(PathBuf, PathBuf)> {
 #[test]
 #[ignore = "Chromium beside a recording: where it takes the cores, a late set-point ends the plan, as it should"]
 fn a_browser_shows_it_all_and_its_stop_stops() {
-    let Some((python, chromium)) = browser() else {
+    let Some(browser) = browser() else {
         return;
     };
     let _alone = crate::support::alone();
     let running = Recording::start(State::Viewed, 120.0);
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/live_page/browser.py");
-    let out = Command::new(python)
-        .arg(script)
-        .arg(chromium)
-        .arg(format!("http://{}/", running.address()))
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.success(), "{said}");
-    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    println!("browser: {found}");
-    assert_eq!(found["errors"], serde_json::json!([]), "{found}");
+    let found = found_in_browser(browser, "live_page/browser.py", running.address(), &[]);
     for shown in ["image", "stripe", "pose", "loads"] {
         assert!(found["shown_s"][shown].is_f64(), "{shown}: {found}");
     }

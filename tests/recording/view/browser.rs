@@ -1,10 +1,8 @@
 //! The page in a real browser: by hand, and in `tests/nightly view`.
 
 use super::{Served, simulated};
-use crate::live_page::figures::browser;
+use crate::live_page::figures::{browser, found_in_browser};
 use crate::support::hydroline;
-use std::path::Path;
-use std::process::Command;
 
 /// Longest time between two frames of the page while it plays \[ms\], but for one in twenty.
 const FRAME_MS: f64 = 50.0;
@@ -12,7 +10,7 @@ const FRAME_MS: f64 = 50.0;
 #[test]
 #[ignore = "a Chromium"]
 fn a_browser_shows_it_all_and_the_keyboard_alone_will_do() {
-    let Some((python, chromium)) = browser() else {
+    let Some(browser) = browser() else {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -27,20 +25,9 @@ fn a_browser_shows_it_all_and_the_keyboard_alone_will_do() {
         .unwrap();
     assert!(made.status.success());
     let served = Served::of(&[&log, &replayed]);
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/view/browser.py");
-    let out = Command::new(python)
-        .arg(script)
-        .arg(chromium)
-        .arg(format!("http://{}/", served.address))
-        .arg(env!("CARGO_TARGET_TMPDIR"))
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.success(), "{said}");
-    let found: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
-    println!("browser: {found}");
+    let pictures = env!("CARGO_TARGET_TMPDIR");
+    let found = found_in_browser(browser, "view/browser.py", served.address, &[pictures]);
     served.end();
-    assert_eq!(found["errors"], serde_json::json!([]), "{found}");
     let shown = found["shown"].as_array().unwrap();
     assert_eq!(shown.len(), 4);
     for one in shown {

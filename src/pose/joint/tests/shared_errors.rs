@@ -94,16 +94,7 @@ fn a_displaced_map_pulls_as_its_shift_of_the_vehicle_does() {
                 by: [0.0; 4],
             }),
         );
-        let state = State {
-            pose: fit.pose,
-            brightness: fit.brightness,
-            thickness_m: fit.thickness_m,
-            background: fit.background,
-            tone: fit.tone,
-            black: fit.black,
-            across: fit.across,
-            uneven: fit.uneven,
-        };
+        let state = state_of(&fit);
         let weighting = Weighting {
             noise_sd: fit.noise_sd,
             cut: 1e6,
@@ -114,11 +105,12 @@ fn a_displaced_map_pulls_as_its_shift_of_the_vehicle_does() {
         };
         let plan = fitter.model.plan(&state, Choice::ALL);
         let picture = Picture::plain(&image.pixels, fitter.ceiling);
+        let stating = fitter.model.with_map_errors(fitter.map_errors.clone());
         let sums = |by: [f64; 4]| {
             let exact = IdealMap::of(&rig);
             let map = Displaced { exact, by };
             let table = SheetTable::new(&map, &rig.camera, &rig.mounts);
-            let model = fitter.model.seen_by(Arc::new(table));
+            let model = stating.seen_by(Arc::new(table));
             let none = &mut EdgeModelError::default();
             model.compare(&plan, &picture, &state, &weighting, none, true)
         };
