@@ -52,14 +52,9 @@ fn run(seeds: impl Iterator<Item = u64>, out: Option<&Path>) -> Totals {
         let grey = Grey::new(w, h, &picture.pixels).unwrap();
         let begun = std::time::Instant::now();
         let found = detect_in_hand(&grey, &picture.board);
-        let ms = 1e3 * begun.elapsed().as_secs_f64();
-        let seen = picture.nodes.iter().filter(|n| n.1).count();
-        let counts = seen * 3 >= picture.nodes.len() && seen >= 12;
+        let mut line = picture.head_line(seed, begun.elapsed()) + ": ";
+        let counts = picture.is_of_board();
         totals.asked += usize::from(counts);
-        let mut line = format!(
-            "{seed:4} {:14} {w}x{h} {}x{} {seen:3} seen, {ms:5.0} ms: ",
-            picture.difficulty, picture.board.columns, picture.board.rows
-        );
         match &found {
             Ok(found) if found.identified => {
                 let offs = offs(&picture, found);

@@ -85,16 +85,10 @@ fn run(seeds: impl Iterator<Item = u64>, out: Option<std::path::PathBuf>) -> Tot
         let grey = Grey::new(w, h, &picture.pixels).unwrap();
         let begun = std::time::Instant::now();
         let found = detect_in_hand(&grey, &picture.board);
-        let ms = 1e3 * begun.elapsed().as_secs_f64();
-        let seen = picture.nodes.iter().filter(|n| n.1).count();
-        // Fewer than a third of a board's corners, and a person would not call it a picture of one.
-        let counts = seen * 3 >= picture.nodes.len() && seen >= 12;
+        let head = picture.head_line(seed, begun.elapsed());
+        let seen = picture.seen();
+        let counts = picture.is_of_board();
         let row = table.entry(picture.difficulty).or_default();
-        let b = &picture.board;
-        let head = format!(
-            "{seed:4} {:14} {w}x{h} {}x{} {seen:3} seen, {ms:5.0} ms",
-            picture.difficulty, b.columns, b.rows
-        );
         let mut ours = String::new();
         match &found {
             Ok(found) => {

@@ -49,6 +49,35 @@ pub struct Picture {
     pub nodes: Vec<([f64; 2], bool)>,
 }
 
+/// Share of a board's corners, and their number, from which a person would call it a picture of that board.
+const SEEN_SHARE: f64 = 1.0 / 3.0;
+const SEEN_CORNERS: usize = 12;
+
+impl Picture {
+    /// Corners that a person sees.
+    pub fn seen(&self) -> usize {
+        self.nodes.iter().filter(|n| n.1).count()
+    }
+
+    /// Whether a person would call it a picture of the board.
+    pub fn is_of_board(&self) -> bool {
+        let seen = self.seen();
+        seen as f64 >= SEEN_SHARE * self.nodes.len() as f64 && seen >= SEEN_CORNERS
+    }
+
+    /// Beginning of a report's line: seed, difficulty, sizes, corners seen and time taken.
+    pub fn head_line(&self, seed: u64, took: std::time::Duration) -> String {
+        let [w, h] = self.size;
+        let [columns, rows] = [self.board.columns, self.board.rows];
+        format!(
+            "{seed:4} {:14} {w}x{h} {columns}x{rows} {:3} seen, {:5.0} ms",
+            self.difficulty,
+            self.seen(),
+            1e3 * took.as_secs_f64()
+        )
+    }
+}
+
 /// What is done to a picture.
 #[derive(Default, Clone)]
 struct Effects {
