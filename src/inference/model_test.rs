@@ -2,9 +2,10 @@
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::model_test::{Late, LeftOver, ModelTest, driven};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_numerics::statistics::{chi2_above, ljung_box, median};
 use hydroline_rigs::Dof;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use super::body::Simulated;
 use super::fit::{Fit, Problem};
@@ -12,8 +13,6 @@ use super::posterior::{UNNAMED, above_tolerance};
 
 /// Lags of the test for whiteness.
 const LAGS: usize = 20;
-/// On the diagonal of a projection: derivatives that do the same are one.
-const JITTER: f64 = 1e-10;
 /// Share of a row by which commands are moved for the derivative by their lateness.
 const MOVED: f64 = 0.25;
 /// A lateness of a row is estimated within this share of it.
@@ -174,10 +173,8 @@ impl Problem {
                 }
             }
         }
-        for i in 0..n {
-            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
-        }
-        Some(Cholesky::new(square)?.solve(&right)[numbers])
+        let root = ScaledCholesky::new(&square, PROJECTION_JITTER)?;
+        Some(root.solve(&right)[numbers])
     }
 
     /// Largest rate of change of a channel along the model's motion.
