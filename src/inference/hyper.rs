@@ -46,6 +46,17 @@ impl Noises {
         })
     }
 
+    /// The same noise over other samples.
+    pub fn over(&self, used: Vec<Vec<PerChannel<bool>>>) -> Noises {
+        Noises {
+            channels: self.channels,
+            used,
+            floor_sd: self.floor_sd,
+            has_force: self.has_force,
+            at_rest: self.at_rest,
+        }
+    }
+
     /// Channels that are noisier than before stay as they were.
     pub fn no_larger_than(&mut self, before: &Noises) {
         for c in Channel::ALL {

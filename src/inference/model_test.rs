@@ -99,29 +99,13 @@ impl Problem {
         let all = self.simulate(&fit.terms, &fit.point)?;
         let step_s = MOVED * row_s;
         let mut later = self.clone();
-        for (t_s, _) in later
-            .body
-            .recording
-            .runs
-            .iter_mut()
-            .flat_map(|r| r.commands.iter_mut().skip(1))
-        {
-            *t_s += step_s;
-        }
+        later.delay_commands(step_s);
         let moved = later.predicted(&fit.terms, &fit.point);
         let late_s = self.regressed(&all, &moved, step_s)?;
         if !(0.0..=(1.0 + ROW_SLACK) * row_s).contains(&late_s) {
             return None;
         }
-        for (t_s, _) in later
-            .body
-            .recording
-            .runs
-            .iter_mut()
-            .flat_map(|r| r.commands.iter_mut().skip(1))
-        {
-            *t_s += late_s - step_s;
-        }
+        later.delay_commands(late_s - step_s);
         let closest = later.closest(&fit.terms, &fit.point)?;
         let rest = self.left_of(&closest);
         let explains = |l: &&LeftOver| {
@@ -175,6 +159,14 @@ impl Problem {
         }
         let root = ScaledCholesky::new(&square, PROJECTION_JITTER)?;
         Some(root.solve(&right)[numbers])
+    }
+
+    /// Delays every command but the one that a run begins under \[s\].
+    fn delay_commands(&mut self, by_s: f64) {
+        let runs = self.body.recording.runs.iter_mut();
+        for (t_s, _) in runs.flat_map(|r| r.commands.iter_mut().skip(1)) {
+            *t_s += by_s;
+        }
     }
 
     /// Largest rate of change of a channel along the model's motion.

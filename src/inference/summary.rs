@@ -245,13 +245,9 @@ impl Problem {
         };
         Problem {
             worth: self.worth.clone(),
-            noises: Noises {
-                channels: self.noises.channels,
-                floor_sd: self.noises.floor_sd,
-                has_force: self.noises.has_force,
-                at_rest: self.noises.at_rest,
-                used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
-            },
+            noises: self
+                .noises
+                .over(keep.iter().map(|i| self.noises.used[*i].clone()).collect()),
             body,
         }
     }
@@ -264,27 +260,10 @@ impl Problem {
         let mut recording = Recording::new(runs, rig.tank.start_pose[5]);
         recording.refer_to(self.body.recording.logged_sd);
         let body = self.body.over(recording, rig)?;
-        let used = body
-            .recording
-            .runs
-            .iter()
-            .map(|r| {
-                let of = |k: usize| {
-                    let m = r.measured(k);
-                    PerChannel::from_fn(|c| self.noises.channels[c].is_some() && m[c].is_finite())
-                };
-                (0..r.times_s.len()).map(of).collect()
-            })
-            .collect();
+        let used = body.recording.measured_of(&self.noises.channels);
         Ok(Problem {
             worth: self.worth.clone(),
-            noises: Noises {
-                channels: self.noises.channels,
-                floor_sd: self.noises.floor_sd,
-                has_force: self.noises.has_force,
-                at_rest: self.noises.at_rest,
-                used,
-            },
+            noises: self.noises.over(used),
             body,
         })
     }

@@ -148,15 +148,23 @@ where
     /// ln det A over the rows that have something in them.
     pub fn ln_determinant(&self) -> f64 {
         let scales = self.scale.iter().filter(|s| **s > 0.0);
-        let lower = self.factor.l_dirty();
-        let pivots = (0..self.scale.len()).map(|k| lower[(k, k)].ln());
-        2.0 * pivots.sum::<f64>() - 2.0 * scales.map(|s| s.ln()).sum::<f64>()
+        ln_determinant(&self.factor) - 2.0 * scales.map(|s| s.ln()).sum::<f64>()
     }
 
     /// vᵀ A⁻¹ v: the squared Mahalanobis distance where A is a covariance.
     pub fn squared_norm(&self, v: &OVector<f64, D>) -> f64 {
         v.dot(&self.solve(v))
     }
+}
+
+/// Log determinant of the matrix that a factor is of.
+pub fn ln_determinant<D: Dim>(root: &Cholesky<f64, D>) -> f64
+where
+    DefaultAllocator: Allocator<D, D>,
+{
+    let lower = root.l_dirty();
+    let pivots = (0..lower.nrows()).map(|k| 2.0 * lower[(k, k)].ln());
+    pivots.sum()
 }
 
 #[cfg(test)]
