@@ -8,14 +8,13 @@ pub mod pair;
 use std::collections::BTreeMap;
 
 use hydroline_core::run::PerChannel;
-use nalgebra::{DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::body::Point;
 use super::filter::Filter;
 use super::fit::{Fit, Problem};
 use super::hyper::{Cell, filters};
 use super::term::Kind;
-use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_numerics::{cancel, parallel};
 
 /// Places in the table of sizes by which the random force is taken smaller for a second look: it shrinks when the right
@@ -34,6 +33,8 @@ const DETECTABLE_NAT: f64 = 3.0;
 
 /// Share of the typical size at which a linear law's response is as good as its derivative.
 const SMALL: f64 = 0.01;
+/// On the diagonal of what data alone say: numbers that do the same are one.
+const JITTER: f64 = 1e-10;
 
 /// Channels per run and sample.
 type Motion = Vec<Vec<PerChannel<f64>>>;
@@ -69,23 +70,16 @@ struct View {
 /// Numbers of a model, or of one without a member, that responses are projected off.
 struct Left {
     keep: Vec<usize>,
-    root: ScaledCholesky<Dyn>,
+    root: Cholesky<f64, Dyn>,
     gradient: DVector<f64>,
 }
 
 impl Left {
-    /// `known` = the prior's part is in the information; without it numbers that do the same are one.
-    fn new(
-        information: &DMatrix<f64>,
-        gradient: &DVector<f64>,
-        keep: Vec<usize>,
-        known: bool,
-    ) -> Option<Left> {
-        let jitter = if known { 0.0 } else { PROJECTION_JITTER };
+    fn new(information: &DMatrix<f64>, gradient: &DVector<f64>, keep: Vec<usize>) -> Option<Left> {
         let n = keep.len();
         let part = DMatrix::from_fn(n, n, |i, j| information[(keep[i], keep[j])]);
         Some(Left {
-            root: ScaledCholesky::new(&part, jitter)?,
+            root: Cholesky::new(part)?,
             gradient: DVector::from_iterator(n, keep.iter().map(|i| gradient[*i])),
             keep,
         })
@@ -197,7 +191,12 @@ impl Problem {
             }
             by_dof.insert(d, filters);
         }
-        let whole = Left::new(&information, &gradient, (0..n).collect(), known)?;
+        if !known {
+            for i in 0..n {
+                information[(i, i)] = information[(i, i)] * (1.0 + JITTER) + 1e-12;
+            }
+        }
+        let whole = Left::new(&information, &gradient, (0..n).collect())?;
         let mut made = View {
             columns,
             residuals,
@@ -218,7 +217,7 @@ impl Problem {
                 if self.dependants(&fit.terms, m).next().is_some() {
                     return None;
                 }
-                let left = Left::new(&information, &made.gradient, keep, known)?;
+                let left = Left::new(&information, &made.gradient, keep)?;
                 Some((left, self.products(&made, response.as_ref()?)?))
             })
             .collect();
