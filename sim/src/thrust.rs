@@ -1,8 +1,10 @@
 //! Thrusters: pulse to thrust and back, thrusters to wrench and back.
 
 mod allocation;
+mod commanded;
 
 pub use allocation::{Allocated, Allocation, Saturation};
+pub use commanded::{Commanded, Target};
 
 /// Error between a wrench and the pulses.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -7,11 +7,12 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::Simulated;
-use super::fit::{Normal, Problem, ln_determinant};
+use super::fit::{Normal, Problem};
 use super::hyper::{CORRELATIONS_S, Cell, Cells, Forces, SIZES, ln_prior};
 use super::number_prior::NumberPrior;
 use super::prior::PriorTable;
 use super::table::TableCell;
+use hydroline_numerics::cholesky::ln_determinant;
 use hydroline_numerics::{cancel, parallel};
 
 /// Normal equations by DOF and cell, of one linearisation.

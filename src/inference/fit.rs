@@ -7,9 +7,10 @@
 
 use std::collections::BTreeMap;
 
+use hydroline_numerics::cholesky::ln_determinant;
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::parallel;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::body::{Body, Point, Simulated};
 use super::equations::Equations;
@@ -280,18 +281,11 @@ impl Problem {
 
     /// The problem of a body under a noise that is known, without random forces.
     pub fn under(body: Body, channels: PerChannel<Option<Noise>>) -> Problem {
-        let used = body.recording.runs.iter().map(|r| {
-            let counts = |k: usize| {
-                let m = r.measured(k);
-                PerChannel::from_fn(|c| channels[c].is_some() && m[c].is_finite())
-            };
-            (0..r.times_s.len()).map(counts).collect()
-        });
         Problem {
             worth: Worth::none(),
             noises: Noises {
                 channels,
-                used: used.collect(),
+                used: body.recording.measured_of(&channels),
                 has_force: false,
                 ..Noises::none()
             },
@@ -566,9 +560,4 @@ impl Problem {
         };
         terms.iter().map(one).sum()
     }
-}
-
-/// Log determinant from a factor.
-pub fn ln_determinant(root: &Cholesky<f64, Dyn>) -> f64 {
-    root.l_dirty().diagonal().iter().map(|v| 2.0 * v.ln()).sum()
 }

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use hydroline_core::run::{Channel, PerChannel};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::parallel;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector, Dyn};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 
@@ -43,6 +44,17 @@ impl Noises {
             white_sd: n.white_sd.max(self.floor_sd[channel]),
             ..n
         })
+    }
+
+    /// The same noise over other samples.
+    pub fn over(&self, used: Vec<Vec<PerChannel<bool>>>) -> Noises {
+        Noises {
+            channels: self.channels,
+            used,
+            floor_sd: self.floor_sd,
+            has_force: self.has_force,
+            at_rest: self.at_rest,
+        }
     }
 
     /// Channels that are noisier than before stay as they were.
@@ -133,8 +145,6 @@ impl Cells {
 
 /// Realisations of the force from which its worth is taken: the mean square is then known to some 15 %.
 const DRAWS: usize = 48;
-/// On the diagonal of a projection: derivatives that do the same are one.
-const JITTER: f64 = 1e-10;
 
 /// Of every DOF what the force is worth where it is as large as the tolerance: sd of the acceleration per correlation
 /// time. Worth is counted as the weight of an effect is: rms of the response over the stamps, what the vehicle's own
@@ -185,7 +195,7 @@ impl Worth {
 /// Derivatives of one channel by the vehicle's own numbers and the starts, with the factor of their products.
 struct Own {
     derivatives: DMatrix<f64>,
-    root: Option<Cholesky<f64, Dyn>>,
+    root: Option<ScaledCholesky<Dyn>>,
 }
 
 impl Own {
@@ -211,12 +221,9 @@ impl Own {
             .filter(|i| derivatives.column(*i).norm_squared() > 0.0)
             .collect();
         let derivatives = derivatives.select_columns(&acting);
-        let mut square = derivatives.tr_mul(&derivatives);
-        for i in 0..square.nrows() {
-            square[(i, i)] *= 1.0 + JITTER;
-        }
+        let square = derivatives.tr_mul(&derivatives);
         Own {
-            root: Cholesky::new(square),
+            root: ScaledCholesky::new(&square, PROJECTION_JITTER),
             derivatives,
         }
     }

@@ -2,9 +2,10 @@
 
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_identify::model_test::{Late, LeftOver, ModelTest, driven};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_numerics::statistics::{chi2_above, ljung_box, median};
 use hydroline_rigs::Dof;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use super::body::Simulated;
 use super::fit::{Fit, Problem};
@@ -12,8 +13,6 @@ use super::posterior::{UNNAMED, above_tolerance};
 
 /// Lags of the test for whiteness.
 const LAGS: usize = 20;
-/// On the diagonal of a projection: derivatives that do the same are one.
-const JITTER: f64 = 1e-10;
 /// Share of a row by which commands are moved for the derivative by their lateness.
 const MOVED: f64 = 0.25;
 /// A lateness of a row is estimated within this share of it.
@@ -100,29 +99,13 @@ impl Problem {
         let all = self.simulate(&fit.terms, &fit.point)?;
         let step_s = MOVED * row_s;
         let mut later = self.clone();
-        for (t_s, _) in later
-            .body
-            .recording
-            .runs
-            .iter_mut()
-            .flat_map(|r| r.commands.iter_mut().skip(1))
-        {
-            *t_s += step_s;
-        }
+        later.delay_commands(step_s);
         let moved = later.predicted(&fit.terms, &fit.point);
         let late_s = self.regressed(&all, &moved, step_s)?;
         if !(0.0..=(1.0 + ROW_SLACK) * row_s).contains(&late_s) {
             return None;
         }
-        for (t_s, _) in later
-            .body
-            .recording
-            .runs
-            .iter_mut()
-            .flat_map(|r| r.commands.iter_mut().skip(1))
-        {
-            *t_s += late_s - step_s;
-        }
+        later.delay_commands(late_s - step_s);
         let closest = later.closest(&fit.terms, &fit.point)?;
         let rest = self.left_of(&closest);
         let explains = |l: &&LeftOver| {
@@ -174,10 +157,16 @@ impl Problem {
                 }
             }
         }
-        for i in 0..n {
-            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
+        let root = ScaledCholesky::new(&square, PROJECTION_JITTER)?;
+        Some(root.solve(&right)[numbers])
+    }
+
+    /// Delays every command but the one that a run begins under \[s\].
+    fn delay_commands(&mut self, by_s: f64) {
+        let runs = self.body.recording.runs.iter_mut();
+        for (t_s, _) in runs.flat_map(|r| r.commands.iter_mut().skip(1)) {
+            *t_s += by_s;
         }
-        Some(Cholesky::new(square)?.solve(&right)[numbers])
     }
 
     /// Largest rate of change of a channel along the model's motion.

@@ -8,8 +8,8 @@
 use hydroline_core::run::{Channel, PerChannel};
 use hydroline_numerics::noise::Noise;
 use hydroline_numerics::outliers::outliers;
-use hydroline_numerics::parallel;
 use hydroline_numerics::statistics::robust_sd;
+use hydroline_numerics::{parallel, pattern};
 
 use super::body::Body;
 use super::filter::{Filter, Force, Instruments};
@@ -41,8 +41,13 @@ pub fn ln_colour(ratio: f64, correlation_s: f64, prior: &PriorTable) -> f64 {
 /// sds of either beyond which no instrument is looked for: colour that is slower or larger cannot be distinguished from what a
 /// vehicle does by its residuals alone, and counts as misfit. A run at rest shows it.
 const COLOUR_SDS: f64 = 2.0;
-/// Steps of the search's last round, in logarithms.
-const FINEST: f64 = 0.06;
+/// In logarithms: steps from a factor e to 6 %, which is finer than an sd of some hundred samples is known. Gains below a
+/// thousandth of a nat are not worth a step.
+const SEARCH: pattern::Options = pattern::Options {
+    step: 1.0,
+    finest: 0.06,
+    gain: 1e-3,
+};
 
 /// One DOF's residuals: (position, rate) per sample, NaN = missing.
 pub type Pairs = Vec<Vec<[f64; 2]>>;
@@ -365,29 +370,15 @@ fn reject(pairs: &[[f64; 2]], used: &mut [[bool; 2]], filter: impl Fn(&[[bool; 2
     }
 }
 
-/// Pattern search: along each number in turn, steps halved when none gains; the place and its cost.
+/// The place of the least cost found from `x`, and its cost.
 fn descend(mut x: Numbers, there: [bool; 2], cost: impl Fn(&Numbers) -> f64) -> (Numbers, f64) {
-    let free = x.free(there).len();
-    let mut best = cost(&x);
-    let mut step = 1.0;
-    while step > FINEST {
-        let mut gained = false;
-        for i in 0..free {
-            for sign in [1.0, -1.0] {
-                let mut tried = x;
-                *tried.free(there)[i] += sign * step;
-                let c = cost(&tried);
-                if c < best - 1e-3 {
-                    (x, best, gained) = (tried, c, true);
-                    break;
-                }
-            }
-        }
-        if !gained {
-            step *= 0.5;
-        }
-    }
-    (x, best)
+    let (free, begin) = (x.free(there).len(), cost(&x));
+    let moved = |at: &Numbers, k: usize, by: f64| {
+        let mut moved = *at;
+        *moved.free(there)[k] += by;
+        moved
+    };
+    pattern::minimise(x, begin, free, &SEARCH, moved, cost)
 }
 
 #[cfg(test)]

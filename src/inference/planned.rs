@@ -7,10 +7,11 @@
 
 use hydroline_core::run::Channel::{X, Y};
 use hydroline_core::run::{Command, PerChannel, Run, Sample};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_numerics::noise::Noise;
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::DMatrix;
 
 use super::body::Body;
 use super::filter::Force;
@@ -18,9 +19,6 @@ use super::fit::{Fit, Problem};
 use super::hyper::{Cell, Cells, Noises, Worth, with_force};
 use super::prior::PriorTable;
 use super::recording::Recording;
-
-/// On the diagonal of what the starts say, so that two that do the same are one.
-const JITTER: f64 = 1e-10;
 
 /// An effect at a typical size.
 #[derive(Debug, Clone, PartialEq)]
@@ -159,13 +157,11 @@ impl Problem {
 /// Information of the first `keep` numbers, the others unknown (Schur complement).
 pub fn without_last(information: &DMatrix<f64>, keep: usize) -> Option<DMatrix<f64>> {
     let n = information.nrows();
-    let mut rest = information
+    let rest = information
         .view((keep, keep), (n - keep, n - keep))
         .into_owned();
-    for i in 0..n - keep {
-        rest[(i, i)] = rest[(i, i)] * (1.0 + JITTER) + f64::MIN_POSITIVE;
-    }
     let across = information.view((keep, 0), (n - keep, keep)).into_owned();
-    let taken = Cholesky::new(rest)?.solve(&across);
+    let root = ScaledCholesky::new(&rest, PROJECTION_JITTER)?;
+    let taken = root.solve_columns(&across);
     Some(information.view((0, 0), (keep, keep)) - across.transpose() * taken)
 }

@@ -1,6 +1,7 @@
 //! Predictions of runs that a model has not seen, and how well its numbers are known for that.
 
 use hydroline_core::run::{Channel, PerChannel};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -16,8 +17,6 @@ use super::summary::Rms;
 const START_STEPS: usize = 6;
 /// Share of a step of a start's fit below which it ends.
 const SMALLEST_STEP: f64 = 1e-3;
-/// On the diagonal of a projection: derivatives that do the same are one.
-const JITTER: f64 = 1e-10;
 
 /// A prediction of runs that a model has not seen.
 #[derive(Debug, Clone, Default)]
@@ -157,11 +156,8 @@ impl Problem {
                     }
                 }
             }
-            let mut square = start.tr_mul(&start);
-            for i in 0..square.nrows() {
-                square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
-            }
-            let taken = Cholesky::new(square)?.solve(&start.tr_mul(&known));
+            let root = ScaledCholesky::new(&start.tr_mul(&start), PROJECTION_JITTER)?;
+            let taken = root.solve_columns(&start.tr_mul(&known));
             known -= start * taken;
             let spread = &known * covariance;
             let mut sum = PerChannel::splat((0.0, 0usize));

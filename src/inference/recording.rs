@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use hydroline_core::run::Channel::{Psi, X, Y};
 use hydroline_core::run::{COMPANIONS, Channel, Companions, PerChannel, Run, Sample, start_s};
+use hydroline_numerics::noise::Noise;
 use hydroline_numerics::statistics::{median, robust_sd};
 
 use super::clock::Clock;
@@ -282,6 +283,18 @@ impl Recording {
     /// DOFs that some command drives in any run.
     pub fn driven(&self) -> Vec<usize> {
         (0..6).filter(|d| self.drives(*d)).collect()
+    }
+
+    /// Per run, sample and channel whether a channel with a noise was measured.
+    pub fn measured_of(&self, channels: &PerChannel<Option<Noise>>) -> Vec<Vec<PerChannel<bool>>> {
+        let each = self.runs.iter().map(|r| {
+            let counts = |k: usize| {
+                let m = r.measured(k);
+                PerChannel::from_fn(|c| channels[c].is_some() && m[c].is_finite())
+            };
+            (0..r.times_s.len()).map(counts).collect()
+        });
+        each.collect()
     }
 
     /// Companions that move in any run: by more than their noise.

@@ -5,6 +5,7 @@
 //! Bryson–Frazier form of Rauch, Tung and Striebel's result, which inverts nothing.
 //! References: Rauch, Tung and Striebel 1965; Bierman 1973; Wahba 1978; Harvey 1989, section 3.4 (concentrated likelihood).
 
+use hydroline_numerics::pattern;
 use hydroline_numerics::statistics::{median, robust_sd};
 
 /// Position, rate and acceleration.
@@ -58,20 +59,14 @@ pub fn smooth(times_s: &[f64], samples: &[[f64; 2]], origin: f64) -> Option<Smoo
             best = (at, c);
         }
     }
-    let mut step = 0.5 * LOOK;
-    while step > FINE {
-        let mut moved = false;
-        for to in [best.0 - step, best.0 + step] {
-            let c = cost(to);
-            if c < best.1 {
-                (best, moved) = ((to, c), true);
-                break;
-            }
-        }
-        if !moved {
-            step *= 0.5;
-        }
-    }
+    // Towards less jerk first.
+    let moved = |at: &f64, _: usize, by: f64| at - by;
+    let options = pattern::Options {
+        step: 0.5 * LOOK,
+        finest: FINE,
+        gain: 0.0,
+    };
+    let best = pattern::minimise(best.0, best.1, 1, &options, moved, |at| cost(*at));
     let mut passed = Vec::with_capacity(times_s.len());
     series.filter(best.0.exp(), Some(&mut passed));
     Some(Smoothed {

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use hydroline_core::run::{Channel, PerChannel, Run};
+use hydroline_numerics::cholesky::{PROJECTION_JITTER, ScaledCholesky};
 use hydroline_rigs::Rig;
 use hydroline_sim::effect::EffectError;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use super::body::{Body, Point};
 use super::filter::Force;
@@ -14,9 +15,6 @@ use super::hyper::{Noises, with_force};
 use super::noise::estimate;
 use super::recording::Recording;
 use super::term::Kind;
-
-/// On the diagonal of a projection: derivatives that do the same are one.
-const JITTER: f64 = 1e-10;
 
 /// rms per channel; NaN = not measured or not of a DOF that moves.
 pub type Rms = PerChannel<f64>;
@@ -140,10 +138,7 @@ impl Problem {
             }
         }
         square.fill_upper_triangle_with_lower_triangle();
-        for i in 0..n {
-            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
-        }
-        let by = Cholesky::new(square)?.solve(&right);
+        let by = ScaledCholesky::new(&square, PROJECTION_JITTER)?.solve(&right);
         let moved = all.into_iter().map(|s| {
             let mut values = s.values;
             for (i, column) in &s.columns {
@@ -202,11 +197,7 @@ impl Problem {
             }
             at += s.values.len() * channels.len();
         }
-        let mut square = derivatives.tr_mul(&derivatives);
-        for i in 0..own {
-            square[(i, i)] = square[(i, i)] * (1.0 + JITTER) + 1e-300;
-        }
-        let root = Cholesky::new(square);
+        let root = ScaledCholesky::new(&derivatives.tr_mul(&derivatives), PROJECTION_JITTER);
         let weigh = |member: usize| -> Rms {
             let (terms, point) = alone(Some(member));
             let with = self.predicted(&terms, &point);
@@ -254,13 +245,9 @@ impl Problem {
         };
         Problem {
             worth: self.worth.clone(),
-            noises: Noises {
-                channels: self.noises.channels,
-                floor_sd: self.noises.floor_sd,
-                has_force: self.noises.has_force,
-                at_rest: self.noises.at_rest,
-                used: keep.iter().map(|i| self.noises.used[*i].clone()).collect(),
-            },
+            noises: self
+                .noises
+                .over(keep.iter().map(|i| self.noises.used[*i].clone()).collect()),
             body,
         }
     }
@@ -273,27 +260,10 @@ impl Problem {
         let mut recording = Recording::new(runs, rig.tank.start_pose[5]);
         recording.refer_to(self.body.recording.logged_sd);
         let body = self.body.over(recording, rig)?;
-        let used = body
-            .recording
-            .runs
-            .iter()
-            .map(|r| {
-                let of = |k: usize| {
-                    let m = r.measured(k);
-                    PerChannel::from_fn(|c| self.noises.channels[c].is_some() && m[c].is_finite())
-                };
-                (0..r.times_s.len()).map(of).collect()
-            })
-            .collect();
+        let used = body.recording.measured_of(&self.noises.channels);
         Ok(Problem {
             worth: self.worth.clone(),
-            noises: Noises {
-                channels: self.noises.channels,
-                floor_sd: self.noises.floor_sd,
-                has_force: self.noises.has_force,
-                at_rest: self.noises.at_rest,
-                used,
-            },
+            noises: self.noises.over(used),
             body,
         })
     }

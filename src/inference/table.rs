@@ -68,7 +68,7 @@ pub(super) fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
             });
             match Cholesky::new(k) {
                 Some(root) => Kernel {
-                    ln_determinant: super::fit::ln_determinant(&root),
+                    ln_determinant: hydroline_numerics::cholesky::ln_determinant(&root),
                     precision: root.inverse(),
                 },
                 // A kernel with its jitter has a root; without one it would be no correlation at all.
@@ -87,7 +87,7 @@ fn without_mean(kernel: &Kernel) -> Kernel {
     let precision = &kernel.precision + mean;
     match Cholesky::new(precision.clone()) {
         Some(root) => Kernel {
-            ln_determinant: -super::fit::ln_determinant(&root),
+            ln_determinant: -hydroline_numerics::cholesky::ln_determinant(&root),
             precision,
         },
         None => Kernel {

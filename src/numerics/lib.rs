@@ -8,6 +8,7 @@
 //! - [`cholesky`]: factors scaled to unit diagonal, with jitter;
 //! - [`information`]: from an information matrix to a covariance, undetermined directions said;
 //! - [`noise`]: white noise plus an Ornstein-Uhlenbeck process, and the filter that whitens it;
+//! - [`pattern`]: pattern search for few unknowns without derivatives;
 //! - [`parallel`]: maps on all cores, results in order;
 //! - [`statistics`]: medians, robust levels, tests of whiteness, quantiles.
 //!
@@ -39,5 +40,6 @@ pub mod least_squares;
 pub mod noise;
 pub mod outliers;
 pub mod parallel;
+pub mod pattern;
 pub mod span;
 pub mod statistics;

@@ -1,5 +1,6 @@
 //! Evidence of a Gaussian problem: a quadratic log likelihood under a normal prior.
 
+use hydroline_numerics::cholesky::ln_determinant;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// log likelihood about 0: c + bᵀx − xᵀAx/2.
@@ -16,15 +17,8 @@ pub struct Quadratic {
 /// Inverse of a covariance and half its log determinant; `None` where it is no covariance.
 pub fn precision(k: DMatrix<f64>) -> Option<(DMatrix<f64>, f64)> {
     let l = Cholesky::new(k)?;
-    let half = half_log_det(&l);
+    let half = 0.5 * ln_determinant(&l);
     Some((l.inverse(), half))
-}
-
-/// log √|A|.
-pub fn half_log_det(l: &Cholesky<f64, Dyn>) -> f64 {
-    (0..l.l_dirty().nrows())
-        .map(|i| l.l_dirty()[(i, i)].ln())
-        .sum()
 }
 
 /// L⁻¹ of a factor L: the inverse's entries are dot products of its columns.
@@ -52,7 +46,7 @@ impl Quadratic {
     ) -> Option<(DVector<f64>, f64, Cholesky<f64, Dyn>)> {
         let l = Cholesky::new(&self.a + prior)?;
         let x = l.solve(&self.b);
-        let value = self.c + 0.5 * self.b.dot(&x) - half_log_det(&l) - half_log_k;
+        let value = self.c + 0.5 * self.b.dot(&x) - 0.5 * ln_determinant(&l) - half_log_k;
         value.is_finite().then_some((x, value, l))
     }
 }

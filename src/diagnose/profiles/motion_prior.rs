@@ -3,8 +3,9 @@
 //! The same path is a quick disturbance about the rig's motion or a slow force on the vehicle: each is a
 //! maximum of its own, which no change of one number leaves. So the search starts from each kind.
 
-use super::evidence::{Quadratic, half_log_det};
+use super::evidence::Quadratic;
 use super::prior::{Motion, MotionPrior};
+use hydroline_numerics::cholesky::ln_determinant;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Numbers of a motion prior move by this factor at a time, within these bounds.
@@ -92,7 +93,7 @@ impl<'a> Alone<'a> {
             first += n;
         }
         let l = Cholesky::new(with)?;
-        let value = 0.5 * self.b.dot(&l.solve(&self.b)) - half_log_det(&l) - half;
+        let value = 0.5 * self.b.dot(&l.solve(&self.b)) - 0.5 * ln_determinant(&l) - half;
         value.is_finite().then_some(value)
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use hydroline_rigs::{Dof, Rig};
+use hydroline_sim::thrust::{Commanded, Target};
 use hydroline_sim::{Allocation, ThrustError};
 
 use hydroline_core::run::{
@@ -284,22 +285,16 @@ fn wrenches(
     time_s: impl Fn(&pb::ThrusterCommand) -> f64,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Command>, LoadError> {
-    let allocation = Allocation::new(&rig.thrusters)?;
-    let mut thrust_n = vec![0.0; allocation.len()];
-    let mut direct = [0.0; 6];
+    let mut commanded = Commanded::new(rig)?;
     let mut out: Vec<Command> = Vec::new();
     let mut ordered: Vec<&pb::ThrusterCommand> = commands.iter().collect();
     ordered.sort_by(|a, b| time_s(a).total_cmp(&time_s(b)));
     let mut largest_change_n = 0.0_f64;
     for command in ordered {
         let t_s = time_s(command);
-        let place = rig
-            .thrusters
-            .thrusters
-            .iter()
-            .position(|t| t.name == command.thruster);
+        let target = commanded.target(&command.thruster);
         let mut value = command.thrust_n;
-        if let (Some(i), true) = (place, command.pulse_us > 0.0) {
+        if let (Some(Target::Thruster(i)), true) = (target, command.pulse_us > 0.0) {
             value = rig.thrusters.thrusters[i].curve.thrust_n(command.pulse_us);
             largest_change_n = largest_change_n.max((value - command.thrust_n).abs());
         }
@@ -311,32 +306,18 @@ fn wrenches(
                 value,
             });
         }
-        match (
-            place,
-            Dof::ALL.iter().find(|d| d.name() == command.thruster),
-        ) {
-            (Some(i), _) => thrust_n[i] = value,
-            (None, Some(dof)) => direct[dof.index()] = value,
-            (None, None) => {
-                let known: Vec<&str> = rig
-                    .thrusters
-                    .thrusters
-                    .iter()
-                    .map(|t| t.name.as_str())
-                    .collect();
-                return Err(LoadError::UnknownThruster {
-                    log: log.to_owned(),
-                    thruster: command.thruster.clone(),
-                    commands: commands
-                        .iter()
-                        .filter(|c| c.thruster == command.thruster)
-                        .count(),
-                    known: known.join(", "),
-                });
-            }
-        }
-        let made = allocation.wrench(&thrust_n)?.to_array();
-        let wrench = std::array::from_fn(|i| made[i] + direct[i]);
+        let Some(target) = target else {
+            let known = rig.thrusters.thrusters.iter().map(|t| t.name.as_str());
+            let same = |c: &&pb::ThrusterCommand| c.thruster == command.thruster;
+            return Err(LoadError::UnknownThruster {
+                log: log.to_owned(),
+                thruster: command.thruster.clone(),
+                commands: commands.iter().filter(same).count(),
+                known: known.collect::<Vec<&str>>().join(", "),
+            });
+        };
+        commanded.set(target, value);
+        let wrench = commanded.wrench()?;
         match out.last_mut() {
             // One set: the eight commands of one stamp.
             Some(last) if last.t_s == t_s => last.wrench = wrench,

@@ -10,7 +10,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::grammar::Piece;
 use super::rank::COUNT;
-use crate::fit::ln_determinant;
+use hydroline_numerics::cholesky::ln_determinant;
 
 /// Steps of a refinement; gain of a step in log density that is the last worth making.
 const STEPS: usize = 40;

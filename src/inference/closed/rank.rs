@@ -186,7 +186,7 @@ fn pairs(atoms: &[Atom], square: &DMatrix<f64>, least: f64, pieces: usize) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::ln_determinant;
+    use hydroline_numerics::cholesky::ln_determinant;
     use hydroline_sim::effect::covariate_table::COVARIATES;
     use hydroline_sim::effect::form::FORMS;
     use nalgebra::Cholesky;

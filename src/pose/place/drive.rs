@@ -1,7 +1,7 @@
 //! Thrust that was commanded, as the surge and sway acceleration that the rig's vehicle makes of it.
 
-use hydroline_rigs::{Dof, Rig};
-use hydroline_sim::Allocation;
+use hydroline_rigs::Rig;
+use hydroline_sim::thrust::Commanded;
 use hydroline_sim::vehicle::Hydrodynamics;
 
 /// Commands older than this before the newest are forgotten \[ns\]: frames are fitted within seconds.
@@ -10,10 +10,8 @@ const KEPT_NS: u64 = 120_000_000_000;
 /// The vehicle's inertia and drag in the plane, and the commands up to now.
 #[derive(Debug, Clone)]
 pub(super) struct Drive {
-    thrusters: Vec<String>,
-    allocation: Option<Allocation>,
-    thrust_n: Vec<f64>,
-    wrench: [f64; 6],
+    /// `None` for a layout of thrusters that makes no wrench: then no command counts.
+    commanded: Option<Commanded>,
     /// Mass with added mass, linear and quadratic damping (negative), in surge and sway.
     inertia: [[f64; 3]; 2],
     /// From when \[ns\] which forces \[N\] in surge and sway hold, by time.
@@ -24,17 +22,8 @@ impl Drive {
     pub fn new(rig: &Rig) -> Self {
         let h = Hydrodynamics::<f64>::new(&rig.vehicle);
         let mass = h.mass();
-        let allocation = Allocation::new(&rig.thrusters).ok();
         Drive {
-            thrusters: rig
-                .thrusters
-                .thrusters
-                .iter()
-                .map(|t| t.name.to_string())
-                .collect(),
-            thrust_n: vec![0.0; allocation.as_ref().map_or(0, Allocation::len)],
-            allocation,
-            wrench: [0.0; 6],
+            commanded: Commanded::new(rig).ok(),
             inertia: [0, 1].map(|i| [mass[i], h.linear[i], h.quadratic[i]]),
             forces_n: Vec::new(),
         }
@@ -45,24 +34,17 @@ impl Drive {
         if !thrust_n.is_finite() {
             return;
         }
-        if let Some(place) = self.thrusters.iter().position(|name| name == thruster) {
-            if let Some(n) = self.thrust_n.get_mut(place) {
-                *n = thrust_n;
-            }
-            let made = self
-                .allocation
-                .as_ref()
-                .and_then(|a| a.wrench(&self.thrust_n).ok());
-            if let Some(made) = made {
-                self.wrench = made.to_array();
-            }
-        } else if let Some(dof) = Dof::ALL.iter().find(|d| d.name() == thruster) {
-            // A component of the wrench, where the rig has no thruster of this name.
-            self.wrench[dof.index()] = thrust_n;
-        } else {
+        let Some(commanded) = &mut self.commanded else {
             return;
-        }
-        let forces_n = [self.wrench[0], self.wrench[1]];
+        };
+        let Some(target) = commanded.target(thruster) else {
+            return;
+        };
+        commanded.set(target, thrust_n);
+        let Ok(wrench) = commanded.wrench() else {
+            return;
+        };
+        let forces_n = [wrench[0], wrench[1]];
         match self.forces_n.last_mut() {
             Some(last) if last.1 == forces_n => return,
             Some(last) if last.0 >= stamp_ns => last.1 = forces_n,

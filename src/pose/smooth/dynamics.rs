@@ -2,10 +2,11 @@
 
 use super::{ACCELERATIONS, RATES, STATES, Square, State};
 use hydroline_rigs::Rig;
+use hydroline_sim::ThrustError;
 use hydroline_sim::effect::EffectStack;
 use hydroline_sim::model::{Model, ModelState};
+use hydroline_sim::thrust::{Commanded, Target};
 use hydroline_sim::vehicle::{Hydrodynamics, VehicleState};
-use hydroline_sim::{Allocation, ThrustError};
 
 /// Longest step of the integration \[s\].
 const STEP_S: f64 = 0.02;
@@ -45,24 +46,21 @@ impl Dynamics {
         commands: impl IntoIterator<Item = (u64, &'a str, f64)>,
     ) -> Result<Self, ThrustError> {
         let mut out = Dynamics::new(rig);
-        let allocation = Allocation::new(&rig.thrusters)?;
-        let place = |name: &str| {
-            rig.thrusters
-                .thrusters
-                .iter()
-                .position(|t| t.name.as_str() == name)
+        let mut commanded = Commanded::new(rig)?;
+        let thruster = |name: &str| {
+            let target = commanded.target(name);
+            target.filter(|t| matches!(t, Target::Thruster(_)))
         };
-        let mut known: Vec<(u64, usize, f64)> = commands
+        let mut known: Vec<(u64, Target, f64)> = commands
             .into_iter()
-            .filter_map(|(stamp_ns, name, thrust_n)| Some((stamp_ns, place(name)?, thrust_n)))
+            .filter_map(|(stamp_ns, name, thrust_n)| Some((stamp_ns, thruster(name)?, thrust_n)))
             .collect();
         known.sort_by_key(|c| c.0);
-        let mut thrust_n = vec![0.0; allocation.len()];
         for set in known.chunk_by(|a, b| a.0 == b.0) {
-            for (_, thruster, value) in set {
-                thrust_n[*thruster] = *value;
+            for (_, target, thrust_n) in set {
+                commanded.set(*target, *thrust_n);
             }
-            let wrench = allocation.wrench(&thrust_n)?.to_array();
+            let wrench = commanded.wrench()?;
             if out.wrenches.last().is_none_or(|(_, last)| *last != wrench) {
                 out.wrenches.push((set[0].0, wrench));
             }

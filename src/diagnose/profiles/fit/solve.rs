@@ -1,12 +1,13 @@
 //! Solution of a likelihood about a state with the prior: the step, the motion priors, the floors, the evidence.
 
-use super::super::evidence::{half_log_det, inverse_factor};
+use super::super::evidence::inverse_factor;
 use super::super::model::Kind;
 use super::super::motion_prior::{self, Alone};
 use super::super::prior::MotionPriors;
 use super::linear::Linear;
 use super::work::Work;
 use super::{Fitted, Free};
+use hydroline_numerics::cholesky::ln_determinant;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Rounds through all motion priors in one choice.
@@ -164,7 +165,7 @@ impl Work<'_, '_> {
                 let m = DVector::from_iterator(out.len(), out.iter().map(|k| x[from + k]));
                 // Both densities at the neutral point; the prior's is (2π)^(-n/2).
                 if let Some(l) = Cholesky::new(v) {
-                    logs.push(-0.5 * m.dot(&l.solve(&m)) - half_log_det(&l));
+                    logs.push(-0.5 * m.dot(&l.solve(&m)) - 0.5 * ln_determinant(&l));
                 }
             }
             let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
