@@ -17,7 +17,7 @@ pub const JITTER: f64 = 1e-13;
 /// Added to the unit diagonal of derivatives that something is projected off: two that do the same are one there.
 ///
 /// Columns whose angle is below its root (1e-5) count as one. Derivatives by finite differences and whitened columns agree no
-/// better than that; larger, and unknowns that the data do tell apart lose part of what they take up.
+/// better than that; larger, and unknowns that the data do distinguish lose part of what they take up.
 pub const PROJECTION_JITTER: f64 = 1e-10;
 
 /// How rows and columns are scaled before anything is added to the diagonal.

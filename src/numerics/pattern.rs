@@ -51,8 +51,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_kinked_valley_is_descended_to_the_last_step() {
-        let valley = |x: &[f64; 2]| (x[0] - 3.0).abs() + 2.0 * (x[1] + 1.0 - 0.1 * x[0]).powi(2);
+    fn a_cost_with_a_kink_falls_to_the_last_step() {
+        let cost_of = |x: &[f64; 2]| (x[0] - 3.0).abs() + 2.0 * (x[1] + 1.0 - 0.1 * x[0]).powi(2);
         let along = |x: &[f64; 2], k: usize, by: f64| {
             let mut moved = *x;
             moved[k] += by;
@@ -64,12 +64,12 @@ mod tests {
             gain: 0.0,
         };
         let start = [-7.3, 5.1];
-        let (at, cost) = minimise(start, valley(&start), 2, &options, along, valley);
+        let (at, cost) = minimise(start, cost_of(&start), 2, &options, along, cost_of);
         assert!(
             (at[0] - 3.0).abs() < 1e-3 && (at[1] + 0.7).abs() < 1e-2,
             "{at:?}"
         );
-        assert_eq!(cost, valley(&at));
+        assert_eq!(cost, cost_of(&at));
     }
 
     #[test]
