@@ -5,6 +5,7 @@
 
 use std::sync::OnceLock;
 
+use hydroline_numerics::cholesky::ln_determinant;
 use hydroline_sim::effect::covariate_table::POINTS;
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 
@@ -68,7 +69,7 @@ pub(super) fn kernels(centred: bool) -> &'static [Kernel; LENGTHS.len()] {
             });
             match Cholesky::new(k) {
                 Some(root) => Kernel {
-                    ln_determinant: hydroline_numerics::cholesky::ln_determinant(&root),
+                    ln_determinant: ln_determinant(&root),
                     precision: root.inverse(),
                 },
                 // A kernel with its jitter has a root; without one it would be no correlation at all.
@@ -87,7 +88,7 @@ fn without_mean(kernel: &Kernel) -> Kernel {
     let precision = &kernel.precision + mean;
     match Cholesky::new(precision.clone()) {
         Some(root) => Kernel {
-            ln_determinant: -hydroline_numerics::cholesky::ln_determinant(&root),
+            ln_determinant: -ln_determinant(&root),
             precision,
         },
         None => Kernel {

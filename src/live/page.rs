@@ -4,9 +4,9 @@ use super::guard::Guard;
 use super::token::random_hex;
 use std::io;
 
-/// Frame of every page: what it consists of, and what it may run.
+/// Document of every page, with places for its title, its body, its styles and its scripts.
 const SHELL: &str = include_str!("page/shell.html");
-/// What its script begins with.
+/// First part of every page's script.
 const COMMON: &str = include_str!("page/common.js");
 const TITLE: &str = "hydroline live";
 const BODY: &str = include_str!("page/page.html");
@@ -32,7 +32,7 @@ pub fn page(guard: &Guard) -> io::Result<Page> {
     filled(guard, TITLE, BODY, STYLE, SCRIPT)
 }
 
-/// Another page in the live page's style, with its plots: what stands in its `body`, its own style and script.
+/// Another page in the live page's style, with its plots, from the inner HTML of its body, its own style and its own script.
 ///
 /// # Errors
 /// Where the kernel gives no randomness.

@@ -1,5 +1,5 @@
 "use strict";
-// What every page has: its session, and elements by name.
+// First part of every page's script: the session, and elements by name.
 const $ = (id) => document.getElementById(id);
 const session = document.querySelector("meta[name=session]").content;
 const token = new URLSearchParams(location.search).get("token");

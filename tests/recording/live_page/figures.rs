@@ -83,7 +83,7 @@ fn eight_viewers_one_deaf_one_hostile_cost_nothing() {
     assert!(late_mb - early_mb <= 5.0, "{early_mb} -> {late_mb} MB");
 }
 
-/// What a script of `tests/recording` finds in a browser at an address, with further arguments; it fails where the script does.
+/// Findings of a script of `tests/recording` in a browser at an address; fails where the script does, or the console has an error.
 pub(crate) fn found_in_browser(
     (python, chromium): (PathBuf, PathBuf),
     script: &str,
